@@ -1,0 +1,75 @@
+"""The door's verbs. Kept apart from `run.py` so that importing the door does not import the heavy libraries."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.outcome import RegistrationResult
+from pipeline.progress import OnProgress, ignore
+from pipeline.settings import Settings, Unit
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """A mesh on disk. `filename` is what the user called it (format hint only), `unit` what its numbers mean."""
+
+    path: Path
+    unit: Unit = "auto"
+    filename: str | None = None
+
+
+def register(
+    design: MeshFile | Path | str,
+    scan: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    tolerance_mm: float | None = None,
+    seed: int = 0,
+    out: Path | str | None = None,
+    on_progress: OnProgress = ignore,
+) -> RegistrationResult:
+    """Find `T_design_scan`, the motion that puts the scan on its design, and say how far it can be trusted.
+
+    Parameters
+    ----------
+    design, scan : files; the design must have triangles, the scan may be points
+    tolerance_mm : for `deviation.within / above / below`; None leaves them null
+    seed : of every random draw; the same seed, files and settings give the same bytes
+    out : folder for results.json and the files it lists; None writes nothing and `files` is empty
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When there can be no result: the file is unreadable or has no usable surface. "No pose found" is a
+        result: `verdict.status == "no_match"`, `transform is None`.
+    """
+    from pipeline.run import run_registration  # here, so that the API can import the door cheaply
+
+    return run_registration(
+        _mesh_file(design),
+        _mesh_file(scan),
+        settings=settings or Settings(),
+        tolerance_mm=tolerance_mm,
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def preload() -> None:
+    """Import everything a job needs, so that a process forked from this one starts at once.
+
+    Raises
+    ------
+    RuntimeError
+        When a library or one of the pymeshlab filters in use is missing (a missing `libopengl0` does that).
+    """
+    from pipeline import run
+    from pipeline.kernels import remesh
+
+    del run
+    remesh.assert_filters()
+
+
+def _mesh_file(given: MeshFile | Path | str) -> MeshFile:
+    return given if isinstance(given, MeshFile) else MeshFile(Path(given), filename=Path(given).name)

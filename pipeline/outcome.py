@@ -1,0 +1,231 @@
+"""The result records: JSON-ready, every field always present, unknown is null (never NaN or Infinity).
+
+`RegistrationResult.model_dump_json()` is `results.json`. The schema is versioned; see the README for the
+definition of each metric. `T` in prose is always `T_design_scan`: p_design_mm = T @ p_scan_mm.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
+
+
+class Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Note(Record):
+    """A warning: `code` for machines, `detail` for people."""
+
+    code: str
+    detail: str
+
+
+class Finding(Record):
+    """Something the verdict rests on or a person should know, whatever the status."""
+
+    code: str
+    detail: str
+    value: float | None
+
+
+VerdictStatus = Literal["ok", "units_suspect", "mirrored", "no_match", "under_constrained", "ambiguous"]
+
+
+class Verdict(Record):
+    status: VerdictStatus
+    confidence: float | None = Field(
+        ge=0, le=1, description="heuristic in this version: fit times margin to the next pose, not calibrated"
+    )
+    findings: list[Finding]
+
+
+class Transform(Record):
+    """The best proper (det +1) pose. `matrix` works on mm; `matrix_file_to_file` on the files' own units."""
+
+    matrix: Matrix4
+    source: Literal["scan"] = "scan"
+    target: Literal["design"] = "design"
+    convention: Literal["p_design_mm = M @ p_scan_mm"] = "p_design_mm = M @ p_scan_mm"
+    units: Literal["mm"] = "mm"
+    det: float
+    rotation_deg: float
+    quaternion_wxyz: Annotated[list[float], Field(min_length=4, max_length=4)]
+    translation_mm: Vector3
+    matrix_file_to_file: Matrix4
+
+
+class Alternative(Record):
+    """Another pose that was tried to the end. `score`: truncated cost over the winner's, >= 1 when worse."""
+
+    matrix: Matrix4
+    score: float
+    rmse_mm: float
+    symmetry_of_design: bool | None = Field(description="null: not examined in this version")
+
+
+class Metrics(Record):
+    """Four RMSEs by one formula: area-weighted RMS distance of the cleaned scan's vertices to the design surface."""
+
+    rmse_initial_mm: float = Field(description="RMSE_i: as uploaded")
+    rmse_landmarks_mm: float | None = Field(description="RMSE_p: under the transform from landmarks alone")
+    rmse_complete_mm: float = Field(description="RMSE_c: under ICP of the complete shape from the uploaded pose")
+    k_ratio: float | None = Field(description="RMSE_c / RMSE_p")
+    rmse_mm: float | None = Field(description="under the final transform; null when there is none")
+    inlier_rmse_mm: float | None = Field(description="the same over scan vertices within inlier_distance_mm")
+    inlier_distance_mm: float
+    fitness: float | None = Field(description="area share of the scan within inlier_distance_mm of the design")
+    scan_overlap: float | None = Field(
+        description="area share of the scan whose closest design point is within inlier_distance_mm and off open borders"
+    )
+    design_coverage: float | None = Field(
+        description="area share of the design within inlier_distance_mm of the scan"
+    )
+    iterations: int
+    converged: bool
+
+
+class Landmark(Record):
+    id: int
+    vertex: int = Field(description="vertex of <mesh>.clean.ply nearest to position_mm")
+    position_mm: Vector3
+    normal: Vector3
+    segment: int
+    t2: float
+    strength: float = Field(description="T^2 over the limit of its segment; > 1")
+
+
+class Match(Record):
+    design: int
+    scan: int
+    residual_mm: float = Field(description="distance of the two landmarks under the final transform")
+
+
+class Landmarks(Record):
+    design: list[Landmark]
+    scan: list[Landmark]
+    matches: list[Match]
+
+
+class Centre(Record):
+    segment: int
+    vertex: int
+    position_mm: Vector3
+    rho: float
+    delta: float
+    size: int = Field(description="vertices of the cleaned mesh in the segment")
+
+
+class Segments(Record):
+    count: int
+    metric: Literal["surface"]
+    density: Literal["vertex", "area"]
+    d_c: float = Field(description="cut-off distance in mm")
+    halo_fraction: float = Field(description="share of the working vertices that are halo")
+    limit_share: float = Field(description="share of the working vertices beyond the T^2 limit")
+    centres: list[Centre]
+
+
+class SegmentsPair(Record):
+    design: Segments
+    scan: Segments | None = Field(description="null: the scan has no surface to segment")
+
+
+class SegmentDeviation(Record):
+    segment: int
+    n: int
+    mean_mm: float
+    sd_mm: float
+    rms_mm: float
+    min_mm: float
+    max_mm: float
+
+
+class Deviation(Record):
+    """Signed distance (+ outside the design) of scan vertices, area-weighted; SD with ddof 0."""
+
+    n: int
+    mean_mm: float
+    mean_abs_mm: float
+    sd_mm: float
+    rms_mm: float
+    min_mm: float
+    max_mm: float
+    p01_mm: float
+    p05_mm: float
+    p50_mm: float
+    p95_mm: float
+    p99_mm: float
+    tolerance_mm: float | None
+    within: float | None
+    above: float | None
+    below: float | None
+    by_segment: list[SegmentDeviation]
+
+
+class FreeMotion(Record):
+    kind: Literal["rotation", "translation", "screw"]
+    axis: Vector3
+    point_mm: Vector3
+    sigma_mm: float
+
+
+class Observability(Record):
+    """6x6 point-to-plane Hessian at the area centroid, rotations scaled by the part's RMS radius."""
+
+    eigenvalues: list[float] = Field(description="ascending, mean over the inliers")
+    condition_number: float | None
+    free_motions: list[FreeMotion] | None = Field(description="null: not examined in this version")
+
+
+class Scale(Record):
+    """Diagnosis only: a scale is never applied."""
+
+    isotropic: float | None
+    per_axis: list[float] | None
+    warp_mm: float | None
+    unit_factor: float | None
+    applied: Literal[False] = False
+
+
+class Input(Record):
+    sha256: str
+    format: str
+    unit: str
+    mm_per_unit: float
+    cleaning: dict[str, int | float]
+
+
+class Inputs(Record):
+    design: Input
+    scan: Input
+
+
+class Provenance(Record):
+    inputs: Inputs
+    version: str
+    libraries: dict[str, str]
+    settings: dict[str, Any]
+    seed: int
+
+
+class RegistrationResult(Record):
+    """What a registration job found. `verdict.status` first; `transform` is null when there is no pose to stand by."""
+
+    schema_version: Literal["1"] = "1"
+    type: Literal["registration"] = "registration"
+    verdict: Verdict
+    transform: Transform | None
+    alternatives: list[Alternative]
+    metrics: Metrics
+    landmarks: Landmarks
+    segments: SegmentsPair
+    deviation: Deviation | None
+    observability: Observability | None
+    scale: Scale | None
+    provenance: Provenance
+    timings_s: dict[str, float]
+    files: list[str]
+    warnings: list[Note]

@@ -1,0 +1,168 @@
+"""Every knob of the method: one frozen section a stage, every default runs, units in the names.
+
+`Settings()` is the default; `Settings.paper()` is the paper to the letter where this version knows how.
+Lengths given as a share refer to the *design's* size, so that both meshes of a job are looked at on one scale.
+"""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Unit = Literal["auto", "mm", "cm", "m", "inch"]
+
+
+class Section(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class LoadSettings(Section):
+    max_faces: int = Field(5_000_000, ge=1, description="refuse a mesh with more triangles")
+    max_points: int = Field(10_000_000, ge=1, description="refuse a mesh or cloud with more vertices")
+    max_archive_expansion: int = Field(
+        200, ge=1, description="refuse a 3MF that unpacks to more than this many times its size (zip bomb)"
+    )
+
+
+class CleanSettings(Section):
+    repair_non_manifold: bool = Field(True, description="remove faces at edges that more than two faces share")
+    min_component_share: float = Field(
+        0.0, ge=0, lt=1, description="drop connected pieces below this share of the area; 0 keeps all"
+    )
+
+
+class ResampleSettings(Section):
+    enabled: bool = Field(True, description="analyse an isotropic working mesh instead of the file's triangles")
+    target_vertices: int = Field(
+        3000, ge=200, le=200_000, description="vertices of the design's working mesh; the scan gets the same edge length"
+    )
+    iterations: int = Field(5, ge=1, le=50, description="passes of isotropic remeshing")
+    max_scan_ratio: float = Field(
+        3.0, ge=1, description="the scan's working mesh has at most this many times the target vertices"
+    )
+
+
+class GeodesicsSettings(Section):
+    metric: Literal["surface"] = Field("surface", description="what a path costs: its length on the surface")
+
+
+class SegmentationSettings(Section):
+    """Density peaks: Rodriguez & Laio 2014."""
+
+    quantile: float = Field(0.02, gt=0, lt=1, description="d_c is this quantile of all pairwise distances")
+    density: Literal["vertex", "area"] = Field(
+        "area", description="what eq. 1 counts inside d_c: vertices (paper) or the area they stand for"
+    )
+    n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
+    delta_min_dc: float = Field(
+        1.5, ge=0, description="automatic rule: a centre has delta of at least this many d_c"
+    )
+    rho_min_share: float = Field(
+        0.5, ge=0, le=1, description="automatic rule: and rho of at least this share of the median rho"
+    )
+    max_centres: int = Field(64, ge=1, description="automatic rule: at most so many, the largest rho * delta first")
+    min_component_share: float = Field(
+        0.01, ge=0, lt=1, description="a connected piece needs this share of the area to have a centre"
+    )
+
+
+class FeaturesSettings(Section):
+    kind: Literal["physical", "integrated"] = Field(
+        "physical", description="curvatures averaged over radius (default) or PyMesh's integrated ones (paper)"
+    )
+    radius_share: float = Field(
+        0.045, gt=0, lt=0.5, description="averaging radius as a share of sqrt(area of the design)"
+    )
+    radius_mm: float | None = Field(None, gt=0, description="the same in mm; overrides the share")
+
+
+class LandmarksSettings(Section):
+    confidence: float = Field(0.97, gt=0, lt=1, description="alpha of the T^2 limit (eq. 3)")
+    standardize: bool = Field(
+        True, description="one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)"
+    )
+    include_halo: bool = Field(True, description="use halo vertices for the PCA and as landmarks (paper: false)")
+    min_segment_vertices: int = Field(30, ge=8, description="smaller segments get no landmarks")
+    border_distance_radii: float = Field(
+        1.5, ge=0, description="no landmark closer to an open border than this many feature radii; 0 is off (paper)"
+    )
+    spacing_radii: float = Field(
+        1.0, ge=0, description="of landmarks within this many feature radii the strongest stays; 0 is off (paper)"
+    )
+    min_relief: float = Field(
+        0.02,
+        ge=0,
+        description="a segment whose mean-curvature spread times the feature radius is below this is flat: no landmarks",
+    )
+
+
+class MatchingSettings(Section):
+    descriptor_radius_radii: float = Field(5.0, gt=0, description="FPFH support in feature radii")
+    candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
+    max_pairs: int = Field(200_000, ge=100, description="correspondence pairs turned into poses")
+    max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
+    sample_points: int = Field(1500, ge=100, description="scan points of the short ICP")
+    axes_poses: bool = Field(True, description="also try the 24 poses that align principal axes")
+    dense_pairs: bool = Field(True, description="also try poses from FPFH pairs of evenly spread points")
+
+
+class RegistrationSettings(Section):
+    inlier_share: float = Field(
+        0.02, gt=0, lt=0.5, description="inlier distance as a share of the diagonal of the design"
+    )
+    max_iterations: int = Field(100, ge=1, le=10_000)
+    sample_points: int = Field(20_000, ge=500, description="scan points the final ICP uses")
+    min_fitness: float = Field(
+        0.75, ge=0, le=1, description="verdict no_match when a smaller share of the scan lies within the inlier distance"
+    )
+    max_residual_share: float = Field(
+        0.006, gt=0, description="verdict no_match when the inlier RMSE is above this share of the diagonal"
+    )
+
+
+class DeviationSettings(Section):
+    exclude_open_border: bool = Field(
+        True, description="leave out scan vertices whose closest design point lies on an open border"
+    )
+
+
+class ReportSettings(Section):
+    write_files: bool = Field(True, description="write meshes and tables beside results.json")
+
+
+class Settings(Section):
+    """All sections; unknown keys are an error."""
+
+    load: LoadSettings = LoadSettings()
+    clean: CleanSettings = CleanSettings()
+    resample: ResampleSettings = ResampleSettings()
+    geodesics: GeodesicsSettings = GeodesicsSettings()
+    segmentation: SegmentationSettings = SegmentationSettings()
+    features: FeaturesSettings = FeaturesSettings()
+    landmarks: LandmarksSettings = LandmarksSettings()
+    matching: MatchingSettings = MatchingSettings()
+    registration: RegistrationSettings = RegistrationSettings()
+    deviation: DeviationSettings = DeviationSettings()
+    report: ReportSettings = ReportSettings()
+
+    @model_validator(mode="after")
+    def _enough_centres(self) -> Self:
+        wanted = self.segmentation.n_centres
+        if wanted is not None and wanted > self.segmentation.max_centres:
+            raise ValueError("segmentation.n_centres is above segmentation.max_centres")
+        return self
+
+    @classmethod
+    def paper(cls) -> "Settings":
+        """The paper: the file's own vertices, counted; integrated features; covariance PCA; the printed limit."""
+        return cls(
+            resample=ResampleSettings(enabled=False),
+            segmentation=SegmentationSettings(density="vertex"),
+            features=FeaturesSettings(kind="integrated"),
+            landmarks=LandmarksSettings(
+                standardize=False, include_halo=False, border_distance_radii=0, spacing_radii=0, min_relief=0
+            ),
+        )
+
+    @classmethod
+    def preset(cls, name: Literal["default", "paper"]) -> "Settings":
+        return cls.paper() if name == "paper" else cls()
