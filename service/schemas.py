@@ -1,0 +1,195 @@
+"""What clients send and get, as pydantic models: shared by the OpenAPI document, the routes and the client."""
+
+from datetime import datetime
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from pipeline import Stage, Unit
+
+BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
+JobType = Literal["registration", "landmarks", "study"]
+
+
+class Status(StrEnum):
+    """Where a job stands. The words are OGC API Processes'."""
+
+    ACCEPTED = "accepted"  # stored and queued
+    RUNNING = "running"  # a child process computes
+    SUCCESSFUL = "successful"  # results are there (whatever the verdict)
+    FAILED = "failed"  # `error` says why
+    DISMISSED = "dismissed"  # cancelled by DELETE
+
+    @property
+    def is_final(self) -> bool:
+        """True when the status can never change again."""
+        return self in (Status.SUCCESSFUL, Status.FAILED, Status.DISMISSED)
+
+
+class Request(BaseModel):
+    """Base of what clients send: an unknown key is an error, so that a typo is never silently ignored."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class Response(BaseModel):
+    """Base of what clients get: every field always present, unknown is null."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+
+class ProblemItem(Response):
+    """One wrong value of a request."""
+
+    pointer: str = Field(description="JSON Pointer (RFC 6901) to the wrong value in the request")
+    detail: str = Field(description="what is wrong with it")
+
+
+class Problem(BaseModel):
+    """An error as RFC 9457 `application/problem+json`. Members without a value are left out."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str = Field(description="URN of the kind of problem; as stable as `code`")
+    title: str = Field(description="the kind of problem in a few words; the same for each `code`")
+    status: int = Field(description="HTTP status")
+    detail: str = Field(description="this case: which input, what is wrong, what to do")
+    code: str = Field(description="stable word for machines")
+    mesh: str | None = Field(None, description="the input it is about: `design` or `scan`")
+    stage: str | None = Field(None, description="the stage of the method that could not go on")
+    errors: list[ProblemItem] | None = Field(None, description="each wrong value of the request")
+    instance: str | None = Field(
+        None, description="id of this occurrence, to quote to whoever runs the service"
+    )
+
+
+class Units(Request):
+    """What the numbers in each file mean."""
+
+    design: Unit = Field("auto", description="`auto`: what the file declares (3MF; GLB is metres), else mm")
+    scan: Unit = Field("auto", description="as for `design`")
+
+
+class Options(Request):
+    """How to run a job; every default runs."""
+
+    preset: Literal["default", "paper"] = Field("default", description="where `settings` start from")
+    settings: dict[str, JsonValue] = Field(
+        {}, description="any part of the pipeline's Settings, over the preset"
+    )
+    units: Units = Field(Units(), description="unit of each file")
+    tolerance_mm: float | None = Field(
+        None, gt=0, description="for `deviation.within/above/below` of the results"
+    )
+    seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
+    label: str | None = Field(None, max_length=200, description="yours, for finding the job again")
+
+
+class BlobRef(Request):
+    """A mesh that was sent before by `PUT /v1/blobs`."""
+
+    blob: BlobId
+    filename: str | None = Field(None, max_length=255, description="a hint at the format, nothing else")
+
+
+class JobRequest(Request):
+    """A job on blobs; a multipart request carries the same as its parts."""
+
+    type: JobType = Field("registration", description="this version runs `registration`")
+    design: BlobRef = Field(description="the design mesh")
+    scan: BlobRef = Field(description="the scan mesh")
+    options: Options = Field(Options(), description="how to run the job")
+
+
+class Blob(Response):
+    """A stored mesh file."""
+
+    id: BlobId
+    size: int = Field(description="bytes")
+    format: str = Field(description="what the content looks like: stl, ply, obj, off, 3mf, glb, xyz")
+
+
+class Links(Response):
+    """Where to go from a job."""
+
+    self: str = Field(description="status")
+    results: str = Field(description="results, once `successful`")
+    files: str = Field(description="list of the files, once `successful`")
+
+
+class Job(Response):
+    """A job's status."""
+
+    id: str = Field(description="UUIDv7; sorts by time of creation")
+    type: JobType
+    status: Status
+    stage: Stage | None = Field(description="what the child process is doing; null before it starts")
+    progress: float = Field(
+        ge=0, le=100, description="percent of the whole job; never falls within an attempt"
+    )
+    message: str | None = Field(description="the stage in words")
+    label: str | None = Field(description="as sent in `options`")
+    created: datetime
+    started: datetime | None = Field(description="of the latest attempt")
+    finished: datetime | None
+    attempt: int = Field(description="how often a worker took it; above 1 after a worker died or stopped")
+    error: Problem | None = Field(description="why it failed; null otherwise")
+    links: Links
+
+    @property
+    def is_final(self) -> bool:
+        """True when polling can stop."""
+        return self.status.is_final
+
+
+class JobPage(Response):
+    """Jobs, newest first."""
+
+    jobs: list[Job]
+    next: str | None = Field(description="`cursor` of the next page; null on the last")
+
+
+class FileEntry(Response):
+    """A file of a successful job."""
+
+    name: str
+    size: int = Field(description="bytes")
+    sha256: str = Field(description="hex digest of the content")
+    media_type: str
+    href: str = Field(description="where to download it")
+
+
+class FileList(Response):
+    """The files of a successful job."""
+
+    files: list[FileEntry]
+
+
+class Limits(Response):
+    """What this server accepts."""
+
+    max_upload_mib: int = Field(description="largest request body")
+    job_time_limit_s: float = Field(description="a job that runs longer fails with job_timed_out")
+    job_memory_limit_mib: int = Field(description="a job that takes more memory fails with job_out_of_memory")
+    queue_limit: int = Field(description="jobs that may wait; more are refused with queue_full")
+    parallel_jobs: int = Field(description="jobs that run at the same time")
+    job_types: list[str] = Field(description="values of `type` that this version runs")
+    formats: list[str] = Field(description="mesh formats that are recognised")
+
+
+class Version(Response):
+    """What is running."""
+
+    name: Literal["cusp"] = "cusp"
+    version: str
+    schema_version: Literal["1"] = Field("1", description="of the results")
+
+
+class Health(Response):
+    """Answer of the probes."""
+
+    status: Literal["ok"] = "ok"
+
+
+Results = dict[str, Any]  # results.json as the pipeline wrote it; `pipeline.RegistrationResult` describes it
