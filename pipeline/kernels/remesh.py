@@ -1,0 +1,83 @@
+"""What pymeshlab does for us, array in, array out: repair, isotropic remeshing, decimation."""
+
+import numpy as np
+import pymeshlab
+
+from pipeline.mesh import FloatArray, IndexArray, IntArray, Mesh
+
+FILTERS = (
+    "meshing_repair_non_manifold_edges",
+    "meshing_re_orient_faces_coherently",
+    "meshing_isotropic_explicit_remeshing",
+    "meshing_decimation_quadric_edge_collapse",
+)
+
+
+def assert_filters() -> None:
+    """Fail at start-up, not in a job: without the system library `libopengl0` pymeshlab silently lacks filters.
+
+    Raises
+    ------
+    RuntimeError
+    """
+    missing = [name for name in FILTERS if not hasattr(pymeshlab.MeshSet, name)]
+    if missing:
+        raise RuntimeError(
+            f"pymeshlab lacks {', '.join(missing)}: install the system libraries libopengl0 libgl1 libegl1"
+        )
+
+
+def repair_non_manifold_edges(mesh: Mesh) -> tuple[IntArray, IndexArray]:
+    """Drop the smallest faces at every edge shared by more than two.
+
+    Returns
+    -------
+    faces : (m', 3) over kept vertices; old_of_new : (n',) with `mesh.vertices[old_of_new]` the kept vertices
+    """
+    return _tracked(mesh, "meshing_repair_non_manifold_edges", method="Remove Faces")
+
+
+def orient_coherently(mesh: Mesh) -> tuple[IntArray, IndexArray]:
+    """Turn faces so that neighbours agree; returns as `repair_non_manifold_edges`."""
+    return _tracked(mesh, "meshing_re_orient_faces_coherently")
+
+
+def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
+    """Triangles of nearly equal edges of `edge_mm` on the same surface; creases sharper than 30 degrees stay."""
+    meshes = _meshset(mesh)
+    meshes.meshing_isotropic_explicit_remeshing(
+        iterations=iterations, targetlen=pymeshlab.PureValue(edge_mm), featuredeg=30, checksurfdist=False
+    )
+    return _current(meshes)
+
+
+def decimated(mesh: Mesh, n_faces: int) -> Mesh:
+    """At most about `n_faces` triangles, by quadric edge collapse; borders are kept."""
+    meshes = _meshset(mesh)
+    meshes.meshing_decimation_quadric_edge_collapse(
+        targetfacenum=n_faces, preserveboundary=True, preservenormal=True, qualitythr=0.5
+    )
+    return _current(meshes)
+
+
+def _meshset(mesh: Mesh, scalar: FloatArray | None = None) -> pymeshlab.MeshSet:
+    meshes = pymeshlab.MeshSet(verbose=False)
+    extra = {} if scalar is None else {"v_scalar_array": scalar}
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces, **extra))
+    return meshes
+
+
+def _current(meshes: pymeshlab.MeshSet) -> Mesh:
+    current = meshes.current_mesh()
+    return Mesh(np.array(current.vertex_matrix()), np.array(current.face_matrix(), dtype=np.int32))
+
+
+def _tracked(mesh: Mesh, name: str, **arguments: str) -> tuple[IntArray, IndexArray]:
+    """Apply a filter that only drops or turns; the vertex scalar carries each vertex's old number."""
+    meshes = _meshset(mesh, np.arange(len(mesh.vertices), dtype=np.float64))
+    getattr(meshes, name)(**arguments)
+    current = meshes.current_mesh()
+    return (
+        np.array(current.face_matrix(), dtype=np.int32),
+        np.array(current.vertex_scalar_array()).round().astype(np.int64),
+    )

@@ -1,0 +1,27 @@
+"""Equal rows of an array as one, in order of first occurrence: much faster than `np.unique(axis=0)`."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.mesh import IndexArray
+
+
+def group_rows(rows: npt.NDArray[Any]) -> tuple[IndexArray, IndexArray]:
+    """First occurrence of each different row, ascending, and the number of its group for every row.
+
+    `first, group = group_rows(rows)` gives `rows[first][group] == rows`.
+    """
+    if len(rows) == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    order = np.lexsort(rows.T)
+    is_new = np.concatenate([[True], (np.diff(rows[order], axis=0) != 0).any(axis=1)])
+    sorted_group = np.zeros(len(rows), dtype=np.int64)
+    sorted_group[order] = np.cumsum(is_new) - 1
+    # lexsort is stable, so the first of a group in sorted order is its first occurrence.
+    first_of_group = order[is_new]
+    by_occurrence = np.argsort(first_of_group)
+    rank = np.zeros(len(first_of_group), dtype=np.int64)
+    rank[by_occurrence] = np.arange(len(first_of_group))
+    return first_of_group[by_occurrence], rank[sorted_group]

@@ -1,0 +1,232 @@
+"""Read a file into millimetres: which format, which unit, is it whole, are its numbers numbers.
+
+Formats are trimesh's business; this file adds what its readers let pass: cut ASCII files, zip bombs, units,
+and an error that says which file is wrong and what to do.
+"""
+
+import hashlib
+import io
+import re
+import struct
+import warnings
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from pipeline.door import MeshFile
+from pipeline.errors import (
+    EmptyFile,
+    IndexOutOfRange,
+    MeshTooLarge,
+    NoSurface,
+    NotFinite,
+    PipelineError,
+    TruncatedFile,
+    UnitUnknown,
+    UnknownFormat,
+    UnreadableFile,
+)
+from pipeline.formats import HEAD_BYTES, STL_FACE_BYTES, STL_HEADER_BYTES, Format, detect_format
+from pipeline.mesh import FloatArray, Mesh
+from pipeline.settings import LoadSettings, Unit
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+
+# What 3MF files may declare (core specification, section 3.4) in trimesh's spelling, and glTF's metre.
+_DECLARED = {
+    "micron": ("micron", 0.001),
+    "millimeter": ("mm", 1.0),
+    "centimeter": ("cm", 10.0),
+    "inch": ("inch", 25.4),
+    "foot": ("foot", 304.8),
+    "feet": ("foot", 304.8),
+    "meter": ("m", 1000.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """mesh : in mm; unit, mm_per_unit : what the file's numbers meant; sha256 : of the file's bytes."""
+
+    mesh: Mesh
+    format: Format
+    unit: str
+    mm_per_unit: float
+    sha256: str
+
+
+def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
+    """Read `source`, called `name` (design, scan, mesh) in errors.
+
+    Raises
+    ------
+    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, IndexOutOfRange,
+    NoSurface (points where `needs_surface`), UnitUnknown
+    """
+    data = _read(source.path, name)
+    kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
+    try:
+        _check_announced_size(data, kind, settings)
+        vertices, faces, declared = _parse(data, kind, settings)
+        if len(faces) > settings.max_faces or len(vertices) > settings.max_points:
+            raise MeshTooLarge(
+                f"{len(faces)} triangles and {len(vertices)} vertices; the limits are "
+                f"{settings.max_faces} and {settings.max_points}"
+            )
+        unit, mm_per_unit = _unit(source.unit, declared)
+        mesh = Mesh(vertices * mm_per_unit, faces)
+    except (NotFinite, IndexOutOfRange, PipelineError) as error:
+        raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
+    if mesh.is_cloud and needs_surface:
+        raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
+    return Loaded(mesh, kind, unit, mm_per_unit, hashlib.sha256(data).hexdigest())
+
+
+def _read(path: Path, name: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableFile(
+            f"{path.name} cannot be read ({error.strerror})", mesh=name, remedy="check the path"
+        ) from error
+
+
+def _unit(wanted: Unit, declared: str | None) -> tuple[str, float]:
+    """What the user says wins; `auto` is what the file declares, else mm."""
+    if wanted != "auto":
+        return wanted, MM_PER_UNIT[wanted]
+    if declared is None:
+        return "mm", 1.0
+    if declared not in _DECLARED:
+        raise UnitUnknown(f"the file declares the unit {declared!r}")
+    return _DECLARED[declared]
+
+
+def _check_announced_size(data: bytes, kind: Format, settings: LoadSettings) -> None:
+    """Refuse before parsing what would not fit: by the header of a binary STL, by the directory of a 3MF."""
+    if kind is Format.STL and not _is_ascii_stl(data):
+        (announced,) = struct.unpack("<I", data[80:84])
+        if announced > settings.max_faces:
+            raise MeshTooLarge(f"{announced} triangles; the limit is {settings.max_faces}")
+    if kind is Format.THREE_MF:
+        try:
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                unpacked = sum(entry.file_size for entry in archive.infolist())
+        except (zipfile.BadZipFile, OSError, ValueError) as error:
+            raise UnreadableFile("the 3MF is not a whole zip archive") from error
+        if unpacked > settings.max_archive_expansion * len(data):
+            raise MeshTooLarge(
+                f"the 3MF of {len(data)} bytes unpacks to {unpacked}; "
+                f"the limit is {settings.max_archive_expansion} times its size",
+                remedy="if this is a real part, export it as binary STL",
+            )
+
+
+def _parse(data: bytes, kind: Format, settings: LoadSettings) -> tuple[FloatArray, FloatArray, str | None]:
+    """Vertices, faces and the declared unit, by trimesh; whatever its reader raises becomes a clear error."""
+    if kind is Format.XYZ:
+        return _parse_xyz(data), np.zeros((0, 3)), None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scene = trimesh.load_scene(io.BytesIO(data), file_type=kind.value, process=False)
+            parts = scene.dump(concatenate=False)
+    except MemoryError:
+        raise
+    except Exception as error:
+        # The readers of trimesh raise what their parser met (KeyError, struct.error, lxml's, ...).
+        text = str(error).lower()
+        if isinstance(error, IndexError) or "index outside the range" in text:
+            raise IndexOutOfRange(f"a face of the {kind} names a vertex that does not exist") from error
+        if "length" in text or "unexpected end" in text or "truncated" in text:
+            raise TruncatedFile(f"the {kind} ends before what its header announces") from error
+        raise UnreadableFile(f"the {kind} could not be parsed: it is damaged or not what it says") from error
+    meshes = [part for part in parts if isinstance(part, trimesh.Trimesh)]
+    clouds = [part for part in parts if isinstance(part, trimesh.PointCloud)]
+    vertices, faces = _concatenate(meshes or clouds)
+    _COMPLETENESS.get(kind, lambda *_: None)(data, len(vertices), len(faces))
+    if len(vertices) == 0:
+        raise UnreadableFile(f"the {kind} has no triangles and no points")
+    declared = "meter" if kind is Format.GLB else scene.units if kind is Format.THREE_MF else None
+    return vertices, faces, declared
+
+
+def _concatenate(parts: list[trimesh.Trimesh] | list[trimesh.PointCloud]) -> tuple[FloatArray, FloatArray]:
+    vertices: list[FloatArray] = [np.zeros((0, 3))]
+    faces = [np.zeros((0, 3), dtype=np.int64)]
+    count = 0
+    for part in parts:
+        points = np.asarray(part.vertices, dtype=np.float64).reshape(-1, 3)
+        triangles = np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64).reshape(-1, 3)
+        if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
+            raise IndexOutOfRange(f"a triangle names vertex {triangles.max()}, but there are {len(points)} vertices")
+        vertices.append(points)
+        faces.append(triangles + count)
+        count += len(points)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _parse_xyz(data: bytes) -> FloatArray:
+    text = re.sub(rb"[,;]", b" ", data).decode("utf-8", errors="replace")
+    first = text.lstrip("\ufeff").split("\n", 1)[0].split("#")[0].split()
+    try:
+        [float(word) for word in first]
+        heading = 0
+    except ValueError:
+        heading = 1
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "input contained no data": said below in our words
+            points = np.loadtxt(
+                io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2
+            )
+    except ValueError as error:
+        raise UnreadableFile(
+            "a line of the XYZ file is not three numbers", remedy="one point a line: x y z, anything after is ignored"
+        ) from error
+    if len(points) == 0:
+        raise UnreadableFile("the XYZ file has no points")
+    return points
+
+
+def _is_ascii_stl(data: bytes) -> bool:
+    announced = int.from_bytes(data[80:84], "little") if len(data) >= STL_HEADER_BYTES else -1
+    return len(data) != STL_HEADER_BYTES + STL_FACE_BYTES * announced and data.lstrip()[:5].lower() == b"solid"
+
+
+def _check_stl(data: bytes, n_vertices: int, n_faces: int) -> None:
+    if _is_ascii_stl(data):
+        tail = data[-4096:].lower()
+        if b"endsolid" not in tail and data.lower().count(b"endfacet") != data.lower().count(b"facet normal"):
+            raise TruncatedFile("the ASCII STL stops in the middle of a facet")
+
+
+def _check_ply(data: bytes, n_vertices: int, n_faces: int) -> None:
+    header = data[: data.find(b"end_header")]
+    for element, found in ((rb"vertex", n_vertices), (rb"face", n_faces)):
+        announced = re.search(rb"element\s+" + element + rb"\s+(\d+)", header)
+        if announced and found < int(announced[1]):
+            raise TruncatedFile(f"the PLY announces {int(announced[1])} {element.decode()} rows and has {found}")
+
+
+def _check_off(data: bytes, n_vertices: int, n_faces: int) -> None:
+    body = re.sub(rb"#[^\n]*", b"", data[:HEAD_BYTES])
+    counts = re.match(rb"\s*\w*OFF\s+(\d+)\s+(\d+)", body)
+    if counts and (n_vertices < int(counts[1]) or n_faces < int(counts[2])):
+        raise TruncatedFile(
+            f"the OFF announces {int(counts[1])} vertices and {int(counts[2])} faces, "
+            f"and has {n_vertices} and {n_faces}"
+        )
+
+
+_COMPLETENESS: dict[Format, Callable[[bytes, int, int], None]] = {
+    Format.STL: _check_stl,
+    Format.PLY: _check_ply,
+    Format.OFF: _check_off,
+}
+
+__all__ = ["EmptyFile", "Loaded", "UnknownFormat", "load"]
