@@ -24,6 +24,9 @@ class LoadSettings(Section):
 
 
 class CleanSettings(Section):
+    weld_share: float = Field(
+        1e-6, ge=0, le=1e-3, description="border vertices this close (share of the diagonal) are one; 0 is off"
+    )
     repair_non_manifold: bool = Field(True, description="remove faces at edges that more than two faces share")
     min_component_share: float = Field(
         0.0, ge=0, lt=1, description="drop connected pieces below this share of the area; 0 keeps all"

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_matrix, csgraph
+from scipy.spatial import cKDTree
 
 from pipeline.errors import DegenerateMesh, TooFewPoints
 from pipeline.kernels import remesh, topology
@@ -43,6 +45,7 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
         return _cleaned_cloud(mesh, name, first, report)
     vertices = mesh.vertices[first]
     faces = merged_of_old[mesh.faces].astype(np.int32)
+    faces, report["welded_vertices"] = _welded(Mesh(vertices, faces), settings.weld_share * mesh.diagonal_mm)
 
     faces, report["degenerate_faces"] = _keep(faces, ~_degenerate(Mesh(vertices, faces)))
     faces, report["duplicate_faces"] = _keep(faces, _first_of_each(np.sort(faces, axis=1)))
@@ -77,6 +80,24 @@ def _cleaned_cloud(mesh: Mesh, name: str, first: IndexArray, report: dict[str, i
     if np.ptp(mesh.vertices, axis=0).max() == 0:
         raise DegenerateMesh("all points are one point", mesh=name)
     return Cleaned(Mesh(mesh.vertices[first]), first, report | {"vertices": len(first), "faces": 0})
+
+
+def _welded(mesh: Mesh, tolerance_mm: float) -> tuple[IntArray, int]:
+    """Close cracks: border vertices within `tolerance_mm` become one, the first of them.
+
+    Exporters that round each triangle on its own leave corners that differ in the last bit; such a closed part
+    would count as open everywhere.
+    """
+    border = np.flatnonzero(topology.border_vertices(mesh.faces, len(mesh.vertices)))
+    if tolerance_mm == 0 or border.size == 0:
+        return mesh.faces, 0
+    pairs = cKDTree(mesh.vertices[border]).query_pairs(tolerance_mm, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(border.size, border.size))
+    group = csgraph.connected_components(graph, directed=False)[1]
+    first = border[np.unique(group, return_index=True)[1]]
+    new_of_old = np.arange(len(mesh.vertices))
+    new_of_old[border] = first[group]
+    return new_of_old[mesh.faces].astype(np.int32), int((new_of_old[border] != border).sum())
 
 
 def _keep(faces: IntArray, keep: BoolArray) -> tuple[IntArray, int]:

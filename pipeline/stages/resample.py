@@ -1,0 +1,92 @@
+"""The working mesh: the same surface in nearly equilateral triangles at the part's own scale.
+
+A million-triangle scan and a 400-triangle CAD part are analysed alike: the edge length comes from the design's
+area and `target_vertices`, and the scan gets the same edge length. What is computed on the working mesh is
+carried back to the cleaned mesh by the nearest surface point.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+from scipy.spatial import cKDTree
+
+from pipeline.errors import ResampleFailed
+from pipeline.kernels import remesh
+from pipeline.kernels.surface import Surface
+from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
+from pipeline.settings import CleanSettings, ResampleSettings
+from pipeline.stages.clean import clean
+
+DECIMATE_ABOVE = 8  # times the wanted faces: remeshing directly is slow from there on
+
+
+@dataclass(frozen=True, slots=True)
+class Resampled:
+    """mesh : the working mesh, or None when a cloud could not be meshed; edge_mm : its edge length;
+    working_of_clean : (n_clean,) int64, nearest vertex of the working mesh (by the nearest surface point)
+    """
+
+    mesh: Mesh
+    edge_mm: float
+    working_of_clean: IndexArray
+
+
+def working_edge_mm(area_mm2: float, n_vertices: int) -> float:
+    """Edge of `n_vertices` equilateral triangles' vertices covering `area_mm2` (each stands for sqrt(3)/2 e^2)."""
+    return float(np.sqrt(2.0 * area_mm2 / (np.sqrt(3.0) * n_vertices)))
+
+
+def resample(mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings) -> Resampled:
+    """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many vertices.
+
+    Raises
+    ------
+    ResampleFailed
+    """
+    if not settings.enabled and not mesh.is_cloud:
+        return Resampled(mesh, edge_mm, np.arange(len(mesh.vertices)))
+    surface = surface_of_cloud(mesh.vertices, name, edge_mm) if mesh.is_cloud else mesh
+    area = float(surface.face_areas_mm2().sum())
+    edge_mm = max(edge_mm, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)))
+    wanted_faces = 2 * area / (np.sqrt(3.0) / 2 * edge_mm**2)
+    if len(surface.faces) > DECIMATE_ABOVE * wanted_faces:
+        surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted_faces))
+    working = remesh.isotropic(surface, edge_mm, settings.iterations)
+    if len(working.faces) == 0:
+        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm left nothing", mesh=name)
+    working = clean(working, name, CleanSettings()).mesh
+    return Resampled(working, edge_mm, nearest_vertices(working, mesh.vertices))
+
+
+def nearest_vertices(mesh: Mesh, points: FloatArray) -> IndexArray:
+    """(k,) for each point the corner with the largest weight at the closest point of the surface."""
+    found = Surface(mesh).closest(points)
+    return mesh.faces[found.face, found.weights.argmax(axis=1)].astype(np.int64)
+
+
+def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
+    """A surface through scan points, for analysis only: screened Poisson, trimmed to where points are.
+
+    Raises
+    ------
+    ResampleFailed
+    """
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points))).voxel_down_sample(edge_mm / 2)
+    spacing = float(np.median(np.asarray(cloud.compute_nearest_neighbor_distance())))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=20))
+    cloud.orient_normals_consistent_tangent_plane(15)
+    extent = float(np.ptp(points, axis=0).max())
+    depth = int(np.clip(np.ceil(np.log2(1.2 * extent / spacing)), 4, 9))
+    poisson, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    mesh = Mesh(np.asarray(poisson.vertices), np.asarray(poisson.triangles))
+    mesh = Mesh(mesh.vertices, mesh.faces[_near(mesh, np.asarray(cloud.points), 2.5 * spacing)])
+    if len(mesh.faces) == 0:
+        raise ResampleFailed("no surface could be laid through the points", mesh=name)
+    return clean(mesh, name, CleanSettings(min_component_share=0.01)).mesh
+
+
+def _near(mesh: Mesh, points: FloatArray, radius_mm: float) -> BoolArray:
+    """(m,) faces all of whose corners have a point within `radius_mm`."""
+    distance, _ = cKDTree(points).query(mesh.vertices)
+    return np.asarray((distance <= radius_mm)[mesh.faces].all(axis=1), dtype=np.bool_)

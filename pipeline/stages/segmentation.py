@@ -1,0 +1,77 @@
+"""Cut the surface into segments at its density peaks (CFSFDP with geodesic distances)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.errors import ComponentsTooSmall
+from pipeline.kernels import density_peaks
+from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from pipeline.settings import SegmentationSettings
+from pipeline.stages.geodesics import Geodesics
+
+
+@dataclass(frozen=True, slots=True)
+class Segmentation:
+    """On the working mesh; rho and delta are the decision graph.
+
+    labels : (n,) int32 >= 0; halo : (n,); rho : (n,) vertices or mm^2; delta : (n,) mm, finite;
+    centres : (k,) int64, centre of segment s at `centres[s]`, largest rho * delta first; d_c_mm
+    """
+
+    labels: IntArray
+    halo: BoolArray
+    rho: FloatArray
+    delta: FloatArray
+    centres: IndexArray
+    d_c_mm: float
+
+
+def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationSettings) -> Segmentation:
+    """Rodriguez & Laio 2014 on `mesh`.
+
+    Delta and a forced centre a component; a component below `min_component_share` of the area has no centre, its
+    vertices join the segment that is nearest through space and are halo.
+
+    Raises
+    ------
+    ComponentsTooSmall
+    """
+    solver, d_c = geodesics.solver, geodesics.d_c_mm
+    near = solver.within(d_c)
+    areas = mesh.vertex_areas_mm2()
+    weights = areas if settings.density == "area" else np.ones(len(areas))
+    rho = density_peaks.local_density(near, d_c, weights)  # eq. 1
+    uphill, delta = solver.nearest_denser(rho)  # eq. 2
+
+    component_area = np.bincount(solver.components, weights=areas)
+    large = component_area >= settings.min_component_share * component_area.sum()
+    peaks = np.flatnonzero(uphill < 0)  # the densest vertex of each component: delta = max_j d
+    for peak in peaks:
+        reach = solver.distances(int(peak))
+        delta[peak] = reach[np.isfinite(reach)].max()
+    if not large.any():
+        raise ComponentsTooSmall(
+            f"the largest of {len(component_area)} connected pieces has "
+            f"{component_area.max() / component_area.sum():.2%} of the area, {settings.min_component_share:.2%} needed",
+            mesh=name,
+        )
+    eligible = large[solver.components]
+    centres = density_peaks.choose_centres(
+        np.where(eligible, rho, 0.0),
+        np.where(eligible, delta, 0.0),
+        peaks[eligible[peaks]],
+        delta_min=settings.delta_min_dc * d_c,
+        rho_min=settings.rho_min_share * float(np.median(rho)),
+        max_centres=settings.max_centres,
+        n_centres=settings.n_centres,
+    )
+    labels = density_peaks.assign(uphill, centres)
+    halo = density_peaks.halo(near, d_c, rho, labels)
+    homeless = labels < 0
+    if homeless.any():
+        _, nearest = cKDTree(mesh.vertices[~homeless]).query(mesh.vertices[homeless])
+        labels[homeless] = labels[~homeless][nearest]
+        halo = halo | homeless
+    return Segmentation(labels, halo, rho, delta, centres, d_c)
