@@ -23,7 +23,7 @@ CONNECT_TIMEOUT_S = 5.0
 TRANSFER_TIMEOUT_S = 300.0  # without a byte moving
 
 
-class ServiceProblem(Exception):  # noqa: N818 (it wraps a problem document)
+class ServiceProblem(Exception):
     """The service said no; `problem` is its RFC 9457 document."""
 
     def __init__(self, problem: Problem) -> None:
@@ -31,7 +31,7 @@ class ServiceProblem(Exception):  # noqa: N818 (it wraps a problem document)
         super().__init__(f"{problem.title} ({problem.status} {problem.code}): {problem.detail}")
 
 
-class ServiceUnreachable(Exception):  # noqa: N818 (a state of the network)
+class ServiceUnreachable(Exception):
     """Nobody answers at the address."""
 
 

@@ -1,4 +1,4 @@
-"""What clients send and get, as pydantic models: shared by the OpenAPI document, the routes and the client."""
+"""What clients send and get, as pydantic models: shared by the OpenAPI document, the routes, the client."""
 
 from datetime import datetime
 from enum import StrEnum

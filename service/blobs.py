@@ -1,0 +1,154 @@
+"""Bytes: uploaded meshes by their content, and the files of results by job and attempt.
+
+Everything goes through obstore, so that a later version can keep them in S3 by a setting. An upload is written
+once, under a passing name, while it is hashed; a rename then gives it the name that its content has.
+"""
+
+import hashlib
+import mimetypes
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import obstore
+from obstore.store import LocalStore
+
+from pipeline import HEAD_BYTES
+
+CHUNK_BYTES = 1024 * 1024
+MEDIA_TYPES = {".ply": "application/x-ply", ".csv": "text/csv", ".glb": "model/gltf-binary"}
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """An upload that is on disk but not yet stored under its content."""
+
+    key: str
+    sha256: str
+    size: int
+    head: bytes  # the first HEAD_BYTES, for `pipeline.detect_format`
+
+    @property
+    def blob_id(self) -> str:
+        """`sha256:<hex>`."""
+        return f"sha256:{self.sha256}"
+
+
+class UploadWriter:
+    """Takes an upload chunk by chunk; `finish` or `abort` it."""
+
+    def __init__(self, store: LocalStore) -> None:
+        self._store = store
+        self._key = f"incoming/{uuid.uuid4()}"
+        self._writer = obstore.open_writer(store, self._key)
+        self._hash = hashlib.sha256()
+        self._size = 0
+        self._head = b""
+
+    def write(self, chunk: bytes) -> None:
+        """Append."""
+        if len(self._head) < HEAD_BYTES:
+            self._head += chunk[: HEAD_BYTES - len(self._head)]
+        self._size += len(chunk)
+        self._hash.update(chunk)
+        self._writer.write(chunk)
+
+    def finish(self) -> Upload:
+        """Flush to disk."""
+        self._writer.close()
+        return Upload(self._key, self._hash.hexdigest(), self._size, self._head)
+
+    def abort(self) -> None:
+        """Leave nothing behind."""
+        self._writer.close()
+        obstore.delete(self._store, self._key)
+
+
+class BlobStore:
+    """All bytes of one service. Safe to share between threads."""
+
+    def __init__(self, folder: Path) -> None:
+        self._store = LocalStore(folder, mkdir=True)
+
+    def writer(self) -> UploadWriter:
+        """Start an upload."""
+        return UploadWriter(self._store)
+
+    def receive(self, file: IO[bytes]) -> Upload:
+        """Copy an open file in."""
+        writer = self.writer()
+        while chunk := file.read(CHUNK_BYTES):
+            writer.write(chunk)
+        return writer.finish()
+
+    def keep(self, upload: Upload) -> None:
+        """Store the upload under its content. The same content twice is one blob."""
+        obstore.rename(self._store, upload.key, _blob_key(upload.blob_id))
+
+    def discard(self, upload: Upload) -> None:
+        """Throw a refused upload away."""
+        obstore.delete(self._store, upload.key)
+
+    def has(self, blob_id: str) -> bool:
+        """True when the content is here."""
+        try:
+            obstore.head(self._store, _blob_key(blob_id))
+        except FileNotFoundError:
+            return False
+        return True
+
+    def fetch(self, blob_id: str, path: Path) -> None:
+        """Write the blob's content to `path`. Raises FileNotFoundError when it is gone."""
+        content = obstore.get(self._store, _blob_key(blob_id)).stream(min_chunk_size=CHUNK_BYTES)
+        with path.open("wb") as file:
+            for chunk in content:
+                file.write(memoryview(chunk))
+
+    def publish(self, job_id: str, attempt: int, folder: Path) -> list[dict[str, str | int]]:
+        """Store every file of `folder` under the attempt's key; clients see them once the row says so.
+
+        Returns name, size, sha256 and media_type of each, `results.json` first, then by name.
+        """
+        entries: list[dict[str, str | int]] = []
+        for path in sorted(folder.iterdir(), key=lambda path: (path.name != "results.json", path.name)):
+            if not path.is_file() or path.is_symlink():
+                continue
+            obstore.put(self._store, _file_key(job_id, attempt, path.name), path)
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            media_type = MEDIA_TYPES.get(path.suffix) or mimetypes.guess_type(path.name)[0]
+            entries.append(
+                {
+                    "name": path.name,
+                    "size": path.stat().st_size,
+                    "sha256": digest,
+                    "media_type": media_type or "application/octet-stream",
+                }
+            )
+        return entries
+
+    def read(self, job_id: str, attempt: int, name: str) -> Iterator[bytes]:
+        """The content of a published file. Raises FileNotFoundError here, not at the first chunk, when it is gone."""
+        content = obstore.get(self._store, _file_key(job_id, attempt, name))
+        return (bytes(chunk) for chunk in content.stream(min_chunk_size=CHUNK_BYTES))
+
+    def remove_results(self, job_id: str) -> None:
+        """Delete the files of every attempt of the job."""
+        for batch in obstore.list(self._store, prefix=f"results/{job_id}"):
+            obstore.delete(self._store, [entry["path"] for entry in batch])
+
+    def clear_incoming(self) -> None:
+        """Delete what uploads left that were cut off by a crash; call only while nobody uploads."""
+        for batch in obstore.list(self._store, prefix="incoming"):
+            obstore.delete(self._store, [entry["path"] for entry in batch])
+
+
+def _blob_key(blob_id: str) -> str:
+    digest = blob_id.removeprefix("sha256:")
+    return f"blobs/{digest[:2]}/{digest}"
+
+
+def _file_key(job_id: str, attempt: int, name: str) -> str:
+    return f"results/{job_id}/{attempt}/{name}"

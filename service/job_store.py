@@ -1,0 +1,193 @@
+"""Every read and write of the jobs table. Each change is one UPDATE that says what it expects to find:
+who comes second, or comes back from the dead, changes nothing and is told so."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from sqlalchemy import Engine, delete, func, select, update
+from sqlalchemy.orm import sessionmaker
+
+from service.jobs import MAX_CRASHES, BlobRow, JobRow, check_move, now_ms
+from service.schemas import JobType, Problem, Status
+
+
+class JobStore:
+    """Jobs and blobs of one database. Safe to share between threads; rows it returns are detached copies."""
+
+    def __init__(self, engine: Engine, clock_ms: Callable[[], int] = now_ms) -> None:
+        self._session = sessionmaker(engine, expire_on_commit=False)
+        self._clock_ms = clock_ms
+
+    # --- the API's side
+
+    def add(self, row: JobRow) -> None:
+        """Store a new job as accepted. It is safe from here on: the reaper enqueues what nobody else did."""
+        row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
+        with self._session.begin() as session:
+            session.add(row)
+
+    def get(self, job_id: str) -> JobRow | None:
+        """The job, unless it is unknown or removed."""
+        row = self.find(job_id)
+        return None if row is None or row.removed_ms is not None else row
+
+    def find(self, job_id: str) -> JobRow | None:
+        """The job, removed ones included."""
+        with self._session() as session:
+            return session.get(JobRow, job_id)
+
+    def page(
+        self,
+        *,
+        status: Status | None = None,
+        job_type: JobType | None = None,
+        label: str | None = None,
+        before_id: str | None = None,
+        limit: int,
+    ) -> Sequence[JobRow]:
+        """Up to `limit` jobs older than `before_id`, newest first (ids sort by time)."""
+        query = select(JobRow).where(JobRow.removed_ms.is_(None)).order_by(JobRow.id.desc()).limit(limit)
+        if status is not None:
+            query = query.where(JobRow.status == status)
+        if job_type is not None:
+            query = query.where(JobRow.type == job_type)
+        if label is not None:
+            query = query.where(JobRow.label == label)
+        if before_id is not None:
+            query = query.where(JobRow.id < before_id)
+        with self._session() as session:
+            return session.scalars(query).all()
+
+    def count(self, status: Status) -> int:
+        """How many jobs have this status."""
+        with self._session() as session:
+            return session.scalar(select(func.count()).where(JobRow.status == status)) or 0
+
+    def dismiss(self, job_id: str, before: Status) -> bool:
+        """Cancel a job that is `before`; the worker sees it and kills the child of a running one."""
+        return self._move(job_id, before, Status.DISMISSED, finished_ms=self._clock_ms())
+
+    def remove(self, job_id: str) -> bool:
+        """Forget a final job but for its id, so that a second DELETE finds what it asked for."""
+        emptied = {
+            "removed_ms": self._clock_ms(),
+            "files": None,
+            "error": None,
+            "label": None,
+            "message": None,
+        }
+        final = [status for status in Status if status.is_final]
+        return self._update(job_id, JobRow.status.in_(final), JobRow.removed_ms.is_(None), **emptied)
+
+    # --- the worker's side; `attempt` fences out a worker whose job was handed on
+
+    def claim(self, job_id: str, worker: str) -> JobRow | None:
+        """Take an accepted job to run it; None when it is not there to be taken."""
+        now = self._clock_ms()
+        took = self._move(
+            job_id,
+            Status.ACCEPTED,
+            Status.RUNNING,
+            attempt=JobRow.attempt + 1,
+            worker=worker,
+            started_ms=now,
+            heartbeat_ms=now,
+            progress=0.0,
+            stage=None,
+            message=None,
+        )
+        return self.find(job_id) if took else None
+
+    def beat(self, job_id: str, attempt: int, **progress: Any) -> bool:
+        """Say that the job is alive, and how far; False when it is no longer this attempt's to run."""
+        mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
+        return self._update(job_id, *mine, heartbeat_ms=self._clock_ms(), **progress)
+
+    def succeed(self, job_id: str, attempt: int, files: list[dict[str, Any]]) -> bool:
+        """Publish: from this one UPDATE on, clients see the files of this attempt."""
+        return self._finish(
+            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0
+        )
+
+    def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
+        """End the job with its reason."""
+        return self._finish(job_id, attempt, Status.FAILED, error=problem.model_dump(exclude_none=True))
+
+    def hand_back(self, job_id: str, attempt: int) -> bool:
+        """Give up an attempt without blame (the worker is asked to stop); another attempt starts later."""
+        return self._move(job_id, Status.RUNNING, Status.ACCEPTED, JobRow.attempt == attempt, **_UNSTARTED)
+
+    def orphans(self, *, worker: str | None = None, silent_since_ms: int | None = None) -> Sequence[JobRow]:
+        """Running jobs of `worker`, or whose worker was not heard of since then."""
+        query = select(JobRow).where(JobRow.status == Status.RUNNING)
+        if worker is not None:
+            query = query.where(JobRow.worker == worker)
+        if silent_since_ms is not None:
+            query = query.where(JobRow.heartbeat_ms < silent_since_ms)
+        with self._session() as session:
+            return session.scalars(query.order_by(JobRow.id)).all()
+
+    def hand_on(self, row: JobRow, crashed: Problem) -> Status | None:
+        """Return a dead worker's job to the queue, or fail it with `crashed` when it took MAX_CRASHES workers along.
+
+        Returns its new status, or None when somebody else was faster.
+        """
+        if row.crashes + 1 >= MAX_CRASHES:
+            return Status.FAILED if self.fail(row.id, row.attempt, crashed) else None
+        mine = JobRow.attempt == row.attempt
+        values = {**_UNSTARTED, "crashes": row.crashes + 1}
+        return (
+            Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
+        )
+
+    def waiting_since(self, before_ms: int) -> Sequence[str]:
+        """Ids of accepted jobs created before then, oldest first."""
+        query = select(JobRow.id).where(JobRow.status == Status.ACCEPTED, JobRow.created_ms < before_ms)
+        with self._session() as session:
+            return session.scalars(query.order_by(JobRow.id)).all()
+
+    # --- blobs
+
+    def add_blob(self, blob_id: str, size: int, mesh_format: str) -> None:
+        """Note a stored blob; the same content again is the same blob."""
+        row = BlobRow(id=blob_id, size=size, format=mesh_format, created_ms=self._clock_ms())
+        with self._session.begin() as session:
+            session.merge(row)
+
+    def blob(self, blob_id: str) -> BlobRow | None:
+        """The blob, if it is stored."""
+        with self._session() as session:
+            return session.get(BlobRow, blob_id)
+
+    def forget_blob(self, blob_id: str) -> None:
+        """Drop the note of a blob whose content is gone."""
+        with self._session.begin() as session:
+            session.execute(delete(BlobRow).where(BlobRow.id == blob_id))
+
+    # --- how changes are made
+
+    def _finish(self, job_id: str, attempt: int, status: Status, **values: Any) -> bool:
+        values |= {"finished_ms": self._clock_ms()}
+        return self._move(job_id, Status.RUNNING, status, JobRow.attempt == attempt, **values)
+
+    def _move(self, job_id: str, before: Status, after: Status, *also: Any, **values: Any) -> bool:
+        check_move(before, after)
+        return self._update(job_id, JobRow.status == before, *also, status=after, **values)
+
+    def _update(self, job_id: str, *expected: Any, **values: Any) -> bool:
+        with self._session.begin() as session:
+            done = session.execute(
+                update(JobRow).where(JobRow.id == job_id, *expected).values(**values).returning(JobRow.id),
+                execution_options={"synchronize_session": False},
+            )
+            return done.scalar_one_or_none() is not None
+
+
+_UNSTARTED: dict[str, Any] = {
+    "worker": None,
+    "heartbeat_ms": None,
+    "started_ms": None,
+    "stage": None,
+    "progress": 0.0,
+    "message": None,
+}

@@ -1,0 +1,84 @@
+"""A job as a row, and the only moves its status may make. Our table is the truth; the queue only says what is next."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import uuid_utils
+from sqlalchemy import JSON, BigInteger, Float, Index, String
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from service.schemas import Status
+
+MAX_CRASHES = 3  # workers that may die while running a job before the job is taken for the cause
+
+#: Which status may follow which. RUNNING -> ACCEPTED hands a job on whose worker died or stopped.
+MOVES: dict[Status, frozenset[Status]] = {
+    Status.ACCEPTED: frozenset({Status.RUNNING, Status.FAILED, Status.DISMISSED}),
+    Status.RUNNING: frozenset({Status.ACCEPTED, Status.SUCCESSFUL, Status.FAILED, Status.DISMISSED}),
+    Status.SUCCESSFUL: frozenset(),
+    Status.FAILED: frozenset(),
+    Status.DISMISSED: frozenset(),
+}
+
+
+class IllegalMove(Exception):
+    """A status was asked to go where it cannot."""
+
+
+def check_move(before: Status, after: Status) -> None:
+    """Raise IllegalMove unless `after` may follow `before`."""
+    if after not in MOVES[before]:
+        raise IllegalMove(f"a job cannot go from {before} to {after}")
+
+
+class Base(DeclarativeBase):
+    """Base of the tables that Alembic migrates."""
+
+
+class JobRow(Base):
+    """Times are milliseconds since 1970 (UTC): SQLite and PostgreSQL compare and sort them alike."""
+
+    __tablename__ = "jobs"
+    __table_args__ = (Index("jobs_by_status", "status", "id"), Index("jobs_by_label", "label", "id"))
+
+    id: Mapped[str] = mapped_column(String(36), primary_key=True)
+    type: Mapped[str] = mapped_column(String(32))
+    status: Mapped[Status] = mapped_column(String(16))
+    stage: Mapped[str | None] = mapped_column(String(32))
+    progress: Mapped[float] = mapped_column(Float, default=0.0)
+    message: Mapped[str | None] = mapped_column(String(500))
+    label: Mapped[str | None] = mapped_column(String(200))
+    inputs: Mapped[dict[str, Any]] = mapped_column(JSON)  # mesh name -> {"blob", "filename"}
+    options: Mapped[dict[str, Any]] = mapped_column(JSON)  # schemas.Options
+    attempt: Mapped[int] = mapped_column(default=0)
+    crashes: Mapped[int] = mapped_column(default=0)  # attempts that ended with the worker's death
+    worker: Mapped[str | None] = mapped_column(String(100))
+    heartbeat_ms: Mapped[int | None] = mapped_column(BigInteger)
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+    started_ms: Mapped[int | None] = mapped_column(BigInteger)
+    finished_ms: Mapped[int | None] = mapped_column(BigInteger)
+    error: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # schemas.Problem
+    files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
+    published_attempt: Mapped[int | None]
+    removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: gone for clients, the id stays known
+
+
+class BlobRow(Base):
+    """An uploaded mesh, known by its content."""
+
+    __tablename__ = "blobs"
+
+    id: Mapped[str] = mapped_column(String(71), primary_key=True)  # sha256:<hex>
+    size: Mapped[int] = mapped_column(BigInteger)
+    format: Mapped[str] = mapped_column(String(8))
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+
+
+def new_id() -> str:
+    """A UUIDv7: sorts by time, also within one millisecond of one process."""
+    return str(uuid_utils.uuid7())
+
+
+def now_ms() -> int:
+    """The time as the tables have it."""
+    return int(datetime.now(UTC).timestamp() * 1000)

@@ -1,0 +1,81 @@
+"""What Linux offers to keep a family of processes in order."""
+
+import ctypes
+import os
+import resource
+import signal
+from contextlib import suppress
+from pathlib import Path
+
+PR_SET_PDEATHSIG = 1
+PR_SET_CHILD_SUBREAPER = 36
+OOM_SCORE_OF_JOBS = 900  # when the machine runs out of memory, the kernel takes a job before the service
+
+
+def die_with_parent(parent_pid: int) -> None:
+    """Have the kernel kill this process when its parent ends, however that ends.
+
+    The signal comes when the *thread* that forked this process ends, so call it only in children of a main thread.
+    """
+    _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent_pid:  # it ended before the call
+        os._exit(1)
+
+
+def adopt_orphans() -> None:
+    """Become the parent of every descendant whose own parent ends, so that none escapes."""
+    _prctl(PR_SET_CHILD_SUBREAPER, 1)
+
+
+def kill_group(group: int) -> None:
+    """SIGKILL to a process group; nothing when it is gone."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGKILL)
+
+
+def kill_process(pid: int) -> None:
+    """SIGKILL to a process; nothing when it is gone."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def children_of(parent_pid: int) -> list[int]:
+    """Pids of the direct children of a process."""
+    pids = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            with suppress(OSError, ValueError):
+                # pid (name) state ppid ...; the name may hold spaces and brackets
+                if int((entry / "stat").read_text().rpartition(")")[2].split()[1]) == parent_pid:
+                    pids.append(int(entry.name))
+    return pids
+
+
+def resident_bytes(pid: int) -> int:
+    """Memory of a process that is its own or copied since the fork; 0 when it is gone.
+
+    File-backed pages (shared libraries) are not counted, so the same job counts the same in any process.
+    """
+    try:
+        _, resident, shared, *_ = Path(f"/proc/{pid}/statm").read_text().split()
+    except (OSError, ValueError):
+        return 0
+    return (int(resident) - int(shared)) * resource.getpagesize()
+
+
+def limit_address_space(extra_bytes: int) -> None:
+    """Let this process map at most `extra_bytes` more than it has now; beyond, allocations fail."""
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + extra_bytes, mapped + extra_bytes))
+
+
+def offer_to_oom_killer() -> None:
+    """Make this process the kernel's first choice. Some sandboxes have no such file: then it stays as it is."""
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(str(OOM_SCORE_OF_JOBS))
+
+
+def _prctl(option: int, value: int) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(option, int(value), 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), "prctl failed")

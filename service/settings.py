@@ -1,0 +1,88 @@
+"""Every knob of the service, read from `CUSP_*` environment variables; every default runs."""
+
+import os
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+MIB = 1024 * 1024
+
+
+class ServiceSettings(BaseSettings):
+    """One object for the API, the worker and the command line; only `cusp` reads the environment."""
+
+    model_config = SettingsConfigDict(env_prefix="CUSP_", frozen=True, extra="ignore")
+
+    data_dir: Path = Field(Path("cusp-data"), description="databases, blobs, results and temporary files")
+    host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs allow_open")
+    port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 lets the system choose")
+    allow_open: bool = Field(
+        False, description="listen beyond loopback although this version has no API keys"
+    )
+    jobs: int = Field(
+        max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time"
+    )
+    job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
+    job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
+    max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
+    queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
+    worker_id: str = Field(
+        "worker-1", min_length=1, description="name of the worker; stays the same over restarts"
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
+    log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
+
+    @model_validator(mode="after")
+    def _closed_unless_allowed(self) -> Self:
+        if not self.allow_open and not _is_loopback(self.host):
+            raise ValueError(
+                f"host {self.host} is reachable from other machines and this version has no API keys; "
+                "listen on 127.0.0.1, or say CUSP_ALLOW_OPEN=1 (--allow-open) where a firewall or a proxy guards it"
+            )
+        return self
+
+    @property
+    def database_path(self) -> Path:
+        """Our tables: the truth about every job."""
+        return self.data_dir / "cusp.db"
+
+    @property
+    def queue_path(self) -> Path:
+        """DBOS's tables: which job runs next."""
+        return self.data_dir / "queue.db"
+
+    @property
+    def blob_dir(self) -> Path:
+        """Uploaded meshes and the files of results."""
+        return self.data_dir / "blobs"
+
+    @property
+    def scratch_dir(self) -> Path:
+        """A folder for each running job."""
+        return self.data_dir / "scratch"
+
+    @property
+    def tmp_dir(self) -> Path:
+        """Uploads being received: on the data volume, since /tmp is often small or in memory."""
+        return self.data_dir / "tmp"
+
+    def make_folders(self) -> None:
+        """Create the folders, readable for this user only."""
+        for folder in (self.data_dir, self.blob_dir, self.scratch_dir, self.tmp_dir):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def environment(self) -> dict[str, str]:
+        """The `CUSP_*` variables that give a child process these settings."""
+        return {f"CUSP_{name.upper()}": str(value) for name, value in self.model_dump(mode="json").items()}
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

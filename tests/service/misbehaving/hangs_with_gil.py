@@ -1,0 +1,12 @@
+"""Never lets another thread run: a regular expression that backtracks for ages holds the GIL in C."""
+
+import re
+
+
+def preload() -> None:
+    """Nothing to import."""
+
+
+def run(task, on_progress) -> None:
+    on_progress("geodesics", 5.0, "about to hang")
+    re.match(r"(a+)+$", "a" * 64 + "b")

@@ -1,0 +1,11 @@
+"""A mesh that cannot be used, as the pipeline says it."""
+
+from pipeline.errors import TruncatedFile
+
+
+def preload() -> None:
+    """Nothing to import."""
+
+
+def run(task, on_progress) -> None:
+    raise TruncatedFile("the file ends in the middle of a triangle", mesh="scan")

@@ -1,0 +1,12 @@
+"""Faults in native code."""
+
+import ctypes
+
+
+def preload() -> None:
+    """Nothing to import."""
+
+
+def run(task, on_progress) -> None:
+    on_progress("load", 1.0, "about to fault")
+    ctypes.string_at(0)
