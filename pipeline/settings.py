@@ -36,7 +36,7 @@ class CleanSettings(Section):
 class ResampleSettings(Section):
     enabled: bool = Field(True, description="analyse an isotropic working mesh instead of the file's triangles")
     target_vertices: int = Field(
-        3000, ge=200, le=200_000, description="vertices of the design's working mesh; the scan gets the same edge length"
+        4000, ge=200, le=200_000, description="vertices of the design's working mesh; the scan gets the same edge length"
     )
     iterations: int = Field(5, ge=1, le=50, description="passes of isotropic remeshing")
     max_scan_ratio: float = Field(

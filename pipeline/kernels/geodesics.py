@@ -39,6 +39,14 @@ class GeodesicSolver:
         """(n,) from one vertex to every vertex."""
         return np.asarray(csgraph.dijkstra(self._graph, directed=False, indices=int(source)), dtype=np.float64)
 
+    def distances_from_set(self, sources: IndexArray) -> FloatArray:
+        """(n,) distance to the nearest of `sources`; inf everywhere when there are none."""
+        if sources.size == 0:
+            return np.full(self.n, np.inf)
+        return np.asarray(
+            csgraph.dijkstra(self._graph, directed=False, indices=sources, min_only=True), dtype=np.float64
+        )
+
     def within(self, radius: float) -> csr_matrix:
         """(n, n) all pairs i != j with d(i, j) <= radius, as stored entries; symmetric, sorted indices."""
         rows, columns, values = [], [], []

@@ -1,0 +1,112 @@
+"""Candidate poses: from pairs of oriented correspondences, and from principal axes."""
+
+import itertools
+
+import numpy as np
+
+from pipeline.kernels import rigid
+from pipeline.mesh import FloatArray, IndexArray
+
+
+def pair_frames(p: FloatArray, q: FloatArray, p_normal: FloatArray, q_normal: FloatArray) -> FloatArray:
+    """(k, 3, 3) orthonormal frames, columns (along, across, normal-ish), of oriented point pairs p -> q."""
+    along = q - p
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    mean_normal = p_normal + q_normal
+    up = mean_normal - np.einsum("kd,kd->k", mean_normal, along)[:, None] * along
+    up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
+    return np.stack([along, np.cross(up, along), up], axis=2)
+
+
+def from_oriented_pairs(
+    scan: tuple[FloatArray, FloatArray],
+    design: tuple[FloatArray, FloatArray],
+    *,
+    length_tolerance_mm: float,
+    min_length_mm: float,
+    max_pairs: int,
+    max_angle_cos: float = 0.35,
+) -> FloatArray:
+    """(h, 4, 4) T_design_scan of every two correspondences that agree geometrically.
+
+    scan, design : points (c, 3) and normals (c, 3), row i of one corresponds to row i of the other.
+    Two correspondences agree when the distance between their points, the angle between their normals, and the
+    angles of the normals to the line between them are alike; two such oriented points fix a pose. When there
+    are more than `max_pairs`, those with the best agreement are kept (ties by index).
+    """
+    (p, n), (q, m) = scan, design
+    i, j = np.triu_indices(len(p), 1)
+    d_scan, d_design = p[j] - p[i], q[j] - q[i]
+    l_scan, l_design = np.linalg.norm(d_scan, axis=1), np.linalg.norm(d_design, axis=1)
+    length_error = np.abs(l_scan - l_design)
+    keep = (length_error <= length_tolerance_mm) & (np.minimum(l_scan, l_design) >= min_length_mm)
+    i, j, length_error = i[keep], j[keep], length_error[keep]
+    u = d_scan[keep] / l_scan[keep][:, None]
+    v = d_design[keep] / l_design[keep][:, None]
+
+    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.einsum("kd,kd->k", a, b)
+
+    disagreement = np.maximum.reduce(
+        [
+            np.abs(dot(n[i], n[j]) - dot(m[i], m[j])),
+            np.abs(dot(n[i], u) - dot(m[i], v)),
+            np.abs(dot(n[j], u) - dot(m[j], v)),
+        ]
+    )
+    tilt = np.minimum(  # normals that add up to nothing across the line leave the frame undefined
+        np.linalg.norm(np.cross(n[i] + n[j], u), axis=1), np.linalg.norm(np.cross(m[i] + m[j], v), axis=1)
+    )
+    quality = disagreement / max_angle_cos + length_error / length_tolerance_mm
+    good = np.flatnonzero((disagreement <= max_angle_cos) & (tilt > 0.2))
+    good = good[np.argsort(quality[good], kind="stable")[:max_pairs]]
+    return _between(p, q, n, m, i[good], j[good])
+
+
+def _between(
+    p: FloatArray, q: FloatArray, n: FloatArray, m: FloatArray, i: IndexArray, j: IndexArray
+) -> FloatArray:
+    F_scan = pair_frames(p[i], p[j], n[i], n[j])
+    F_design = pair_frames(q[i], q[j], m[i], m[j])
+    R = np.einsum("kia,kja->kij", F_design, F_scan)
+    middle_scan, middle_design = (p[i] + p[j]) / 2, (q[i] + q[j]) / 2
+    return rigid.compose(R, middle_design - np.einsum("kij,kj->ki", R, middle_scan))
+
+
+def from_axes(scan: FloatArray, design: FloatArray) -> FloatArray:
+    """(24, 4, 4) T_design_scan that put principal axes on principal axes, in every order and direction.
+
+    scan, design : (k, 3) points that sample both surfaces evenly.
+    """
+    (scan_mean, scan_axes), (design_mean, design_axes) = _axes(scan), _axes(design)
+    found = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            turn = np.zeros((3, 3))
+            turn[list(order), range(3)] = signs
+            if np.linalg.det(turn) > 0:
+                R = design_axes @ turn @ scan_axes.T
+                found.append(rigid.compose(R, design_mean - R @ scan_mean))
+    return np.array(found)
+
+
+def _axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    mean = points.mean(axis=0)
+    covariance = np.einsum("ki,kj->ij", points - mean, points - mean)
+    axes = np.linalg.eigh(covariance)[1]
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return mean, axes
+
+
+def distinct(T: FloatArray, order: IndexArray, probes: FloatArray, apart_mm: float, most: int) -> IndexArray:
+    """Numbers of poses in `order`, each at least `apart_mm` (RMS over `probes`) from those before it."""
+    placed = rigid.transformed(T[order], probes)
+    kept: list[int] = []
+    for number in range(len(order)):
+        difference = placed[kept] - placed[number]
+        rms = np.sqrt((difference**2).sum(axis=2).mean(axis=1))
+        if not (rms < apart_mm).any():
+            kept.append(number)
+            if len(kept) == most:
+                break
+    return order[np.array(kept, dtype=np.int64)]

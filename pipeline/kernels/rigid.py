@@ -1,0 +1,69 @@
+"""Rigid motions as 4 x 4 matrices: `T_target_source @ p_source`."""
+
+import numpy as np
+
+from pipeline.mesh import FloatArray
+
+
+def transformed(T_target_source: FloatArray, points: FloatArray) -> FloatArray:
+    """points : (..., k, 3), T : (..., 4, 4), broadcast over the leading axes."""
+    R, t = T_target_source[..., :3, :3], T_target_source[..., None, :3, 3]
+    return np.asarray(np.einsum("...ij,...kj->...ki", R, points) + t, dtype=np.float64)
+
+
+def compose(R: FloatArray, t: FloatArray) -> FloatArray:
+    """(..., 4, 4) from rotations (..., 3, 3) and translations (..., 3)."""
+    T = np.zeros((*R.shape[:-2], 4, 4))
+    T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, t, 1.0
+    return T
+
+
+def inverse(T: FloatArray) -> FloatArray:
+    R, t = T[..., :3, :3], T[..., :3, 3]
+    back = np.swapaxes(R, -1, -2)
+    return compose(back, -np.einsum("...ij,...j->...i", back, t))
+
+
+def from_vector(x: FloatArray) -> FloatArray:
+    """(h, 4, 4) exact motion of small rotation vectors and translations, x : (h, 6) = (rotation, translation)."""
+    angle = np.linalg.norm(x[:, :3], axis=1)
+    axis = x[:, :3] / np.maximum(angle, 1e-300)[:, None]
+    K = np.zeros((len(x), 3, 3))
+    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
+    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = axis[:, 2], -axis[:, 1], axis[:, 0]
+    s, c = np.sin(angle)[:, None, None], (1 - np.cos(angle))[:, None, None]
+    return compose(np.eye(3) + s * K + c * np.einsum("hij,hjk->hik", K, K), x[:, 3:])
+
+
+def orthonormal(T: FloatArray) -> FloatArray:
+    """The nearest proper rigid motion: what rounding added over many products is taken out."""
+    u, _, vt = np.linalg.svd(T[:3, :3])
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    return compose(u @ vt, T[:3, 3])
+
+
+def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+    """T_target_source of least weighted squares between corresponding points (Kabsch 1976, Umeyama 1991).
+
+    source, target : (k, 3), k >= 3 and not on one line, else the rotation about that line is arbitrary.
+    """
+    w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
+    source_mean, target_mean = w @ source, w @ target
+    covariance = np.einsum("k,ki,kj->ij", w, target - target_mean, source - source_mean)
+    u, _, vt = np.linalg.svd(covariance)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    R = u @ flip @ vt
+    return compose(R, target_mean - R @ source_mean)
+
+
+def angle_deg(T: FloatArray) -> float:
+    """Rotation angle, 0 to 180: accurate near both ends."""
+    R = T[:3, :3]
+    sine = 0.5 * float(np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
+    return float(np.degrees(np.arctan2(sine, 0.5 * (np.trace(R) - 1))))
+
+
+def rms_displacement(T_a: FloatArray, T_b: FloatArray, points: FloatArray) -> float:
+    """How far apart two motions put the same points: the pose difference in mm."""
+    difference = transformed(T_a, points) - transformed(T_b, points)
+    return float(np.sqrt((difference**2).sum(axis=-1).mean()))

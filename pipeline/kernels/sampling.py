@@ -1,0 +1,42 @@
+"""Points spread over a surface, the same ones every time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.mesh import FloatArray, IndexArray, Mesh
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """points, normals : (k, 3), each standing for the same share of the area; face : (k,)"""
+
+    points: FloatArray
+    normals: FloatArray
+    face: IndexArray
+
+
+def on_surface(mesh: Mesh, count: int, seed: int) -> Samples:
+    """Systematic sampling: equal steps through the cumulated area from a random start, random inside a triangle."""
+    rng = np.random.default_rng(seed)
+    areas = mesh.face_areas_mm2()
+    steps = (np.arange(count) + rng.random()) / count * areas.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(areas), steps), len(areas) - 1)
+    u, v = rng.random(count), rng.random(count)
+    root = np.sqrt(u)
+    weights = np.stack([1 - root, root * (1 - v), root * v], axis=1)
+    points = np.einsum("kc,kcd->kd", weights, mesh.vertices[mesh.faces[face]])
+    cross = mesh.face_cross_mm2()[face]
+    return Samples(points, cross / np.linalg.norm(cross, axis=1, keepdims=True), face.astype(np.int64))
+
+
+def farthest(points: FloatArray, count: int) -> IndexArray:
+    """Farthest-point sampling: each next point is the farthest from those taken; starts farthest from the mean."""
+    count = min(count, len(points))
+    distance = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    taken = np.zeros(count, dtype=np.int64)
+    for number in range(count):
+        taken[number] = int(distance.argmax())
+        to_new = np.linalg.norm(points - points[taken[number]], axis=1)
+        distance = to_new if number == 0 else np.minimum(distance, to_new)
+    return taken
