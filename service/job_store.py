@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Engine, delete, func, select, update
 from sqlalchemy.orm import sessionmaker
 
-from service.jobs import MAX_CRASHES, BlobRow, JobRow, check_move, now_ms
+from service.jobs import MAX_CRASHES, BlobRow, JobRow, WorkerRow, check_move, now_ms
 from service.schemas import JobType, Problem, Status
 
 
@@ -146,6 +146,22 @@ class JobStore:
         with self._session() as session:
             return session.scalars(query.order_by(JobRow.id)).all()
 
+    def worker_beat(self, worker: str) -> None:
+        """Note that the worker is alive."""
+        with self._session.begin() as session:
+            session.merge(WorkerRow(id=worker, heartbeat_ms=self._clock_ms()))
+
+    def worker_gone(self, worker: str) -> None:
+        """Note that the worker stopped."""
+        with self._session.begin() as session:
+            session.execute(delete(WorkerRow).where(WorkerRow.id == worker))
+
+    def has_worker(self, within_ms: int) -> bool:
+        """True when some worker was alive so recently."""
+        query = select(WorkerRow.id).where(WorkerRow.heartbeat_ms >= self._clock_ms() - within_ms).limit(1)
+        with self._session() as session:
+            return session.scalar(query) is not None
+
     # --- blobs
 
     def add_blob(self, blob_id: str, size: int, mesh_format: str) -> None:
@@ -158,11 +174,6 @@ class JobStore:
         """The blob, if it is stored."""
         with self._session() as session:
             return session.get(BlobRow, blob_id)
-
-    def forget_blob(self, blob_id: str) -> None:
-        """Drop the note of a blob whose content is gone."""
-        with self._session.begin() as session:
-            session.execute(delete(BlobRow).where(BlobRow.id == blob_id))
 
     # --- how changes are made
 

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import uuid_utils
-from sqlalchemy import JSON, BigInteger, Float, Index, String
+from sqlalchemy import JSON, BigInteger, Enum, Float, Index, String
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from service.schemas import Status
@@ -31,6 +31,12 @@ def check_move(before: Status, after: Status) -> None:
         raise IllegalMove(f"a job cannot go from {before} to {after}")
 
 
+# The words themselves as text, so that a person can read the table and a later version can add one.
+_STATUS = Enum(
+    Status, native_enum=False, create_constraint=False, length=16, values_callable=lambda words: list(words)
+)
+
+
 class Base(DeclarativeBase):
     """Base of the tables that Alembic migrates."""
 
@@ -43,7 +49,7 @@ class JobRow(Base):
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
     type: Mapped[str] = mapped_column(String(32))
-    status: Mapped[Status] = mapped_column(String(16))
+    status: Mapped[Status] = mapped_column(_STATUS)
     stage: Mapped[str | None] = mapped_column(String(32))
     progress: Mapped[float] = mapped_column(Float, default=0.0)
     message: Mapped[str | None] = mapped_column(String(500))
@@ -72,6 +78,15 @@ class BlobRow(Base):
     size: Mapped[int] = mapped_column(BigInteger)
     format: Mapped[str] = mapped_column(String(8))
     created_ms: Mapped[int] = mapped_column(BigInteger)
+
+
+class WorkerRow(Base):
+    """A worker process that was alive at `heartbeat_ms`."""
+
+    __tablename__ = "workers"
+
+    id: Mapped[str] = mapped_column(String(100), primary_key=True)
+    heartbeat_ms: Mapped[int] = mapped_column(BigInteger)
 
 
 def new_id() -> str:

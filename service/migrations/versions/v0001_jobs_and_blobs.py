@@ -1,4 +1,4 @@
-"""The first tables: jobs and blobs."""
+"""The first tables: jobs, blobs and workers."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -43,9 +43,15 @@ def upgrade() -> None:
         sa.Column("format", sa.String(8), nullable=False),
         sa.Column("created_ms", sa.BigInteger, nullable=False),
     )
+    op.create_table(
+        "workers",
+        sa.Column("id", sa.String(100), primary_key=True),
+        sa.Column("heartbeat_ms", sa.BigInteger, nullable=False),
+    )
 
 
 def downgrade() -> None:
     """Drop the tables."""
+    op.drop_table("workers")
     op.drop_table("blobs")
     op.drop_table("jobs")

@@ -1,0 +1,37 @@
+"""What the handlers work with, opened once by `app.create_app` and closed with it."""
+
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from fastapi import Depends, Request
+
+from service.blobs import BlobStore
+from service.engine import Queue
+from service.errors import JobNotFound
+from service.job_store import JobStore
+from service.jobs import JobRow
+from service.settings import ServiceSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Api:
+    """The parts of one running API."""
+
+    settings: ServiceSettings
+    jobs: JobStore
+    blobs: BlobStore
+    queue: Queue
+
+    def job(self, job_id: str) -> JobRow:
+        """The job, or the problem that there is none."""
+        row = self.jobs.get(job_id)
+        if row is None:
+            raise JobNotFound(f"no job has the id {job_id!r}; it was never made here, or it was removed")
+        return row
+
+
+def _api_of(request: Request) -> Api:
+    return cast(Api, request.app.state.api)
+
+
+UseApi = Annotated[Api, Depends(_api_of)]

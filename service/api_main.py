@@ -1,0 +1,27 @@
+"""The API process."""
+
+import uvicorn
+
+from service.app import create_app
+from service.settings import ServiceSettings
+
+KEEP_ALIVE_S = 15
+STOP_TIMEOUT_S = 3  # for requests that run; a long poll gives up its wait
+
+
+def run_api(settings: ServiceSettings) -> int:
+    """Serve until SIGTERM or SIGINT. Returns the exit code."""
+    server = uvicorn.Server(
+        uvicorn.Config(
+            create_app(settings),
+            host=settings.host,
+            port=settings.port,
+            log_config=None,  # ours is set up already
+            access_log=settings.log_level == "debug",
+            server_header=False,
+            timeout_keep_alive=KEEP_ALIVE_S,
+            timeout_graceful_shutdown=STOP_TIMEOUT_S,
+        )
+    )
+    server.run()
+    return 0 if server.started else 1

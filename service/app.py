@@ -1,0 +1,45 @@
+"""The API, assembled. Nothing happens at import; `create_app` is given everything it needs."""
+
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager, closing
+
+from fastapi import FastAPI
+
+from service import problems, version
+from service.api import Api
+from service.blobs import BlobStore
+from service.engine import DbosQueue, Queue
+from service.job_store import JobStore
+from service.limits import BodyLimit
+from service.openapi import describe
+from service.routes import blobs, jobs, service
+from service.settings import MIB, ServiceSettings
+from service.store import open_database
+
+
+def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI:
+    """The ASGI application on a data folder that is migrated already; tests give a queue of their own."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        tempfile.tempdir = str(settings.tmp_dir)  # where form uploads spill to
+        engine = open_database(settings.database_path)
+        with ExitStack() as stack:
+            stack.callback(engine.dispose)
+            tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue_path)))
+            app.state.api = Api(settings, JobStore(engine), BlobStore(settings.blob_dir), tickets)
+            yield
+
+    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)
+    # routers
+    app.include_router(jobs.router)
+    app.include_router(blobs.router)
+    app.include_router(service.router)
+    # errors
+    problems.install(app)
+    # middleware
+    app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
+    # documentation
+    describe(app)
+    return app

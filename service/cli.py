@@ -1,0 +1,121 @@
+"""The `cusp` command: the service, its client, and the method without a server."""
+
+import os
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from pydantic import ValidationError
+
+from service import cli_jobs
+from service.settings import ServiceSettings
+
+app = typer.Typer(
+    name="cusp",
+    help="Register the scan of a 3D-printed part to its design.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+app.command("register")(cli_jobs.register)
+app.command("submit")(cli_jobs.submit)
+app.command("demo")(cli_jobs.demo)
+
+Parent = Annotated[int, typer.Option(help="pid of `cusp up`; this process ends with it", hidden=True)]
+
+
+@app.command()
+def up(
+    host: Annotated[str | None, typer.Option(help="address to listen on [127.0.0.1]")] = None,
+    port: Annotated[int | None, typer.Option(help="port to listen on [8000]")] = None,
+    data_dir: Annotated[Path | None, typer.Option(help="databases, uploads and results [cusp-data]")] = None,
+    jobs: Annotated[int | None, typer.Option(help="jobs run at the same time [half the processors]")] = None,
+    allow_open: Annotated[
+        bool, typer.Option("--allow-open", help="listen beyond loopback, though there are no API keys")
+    ] = False,
+) -> None:
+    """Run the service: the API and a worker. Options win over CUSP_* variables."""
+    from service.logs import set_up_logs
+    from service.up import AlreadyRunning, run_up
+
+    given = {"host": host, "port": port, "data_dir": data_dir, "jobs": jobs, "allow_open": allow_open or None}
+    settings = _settings(**given)
+    set_up_logs(settings, "parent")
+    try:
+        code = run_up(settings)
+    except AlreadyRunning as error:
+        _refuse(str(error))
+    raise typer.Exit(code)
+
+
+@app.command(hidden=True)
+def api(parent: Parent = 0) -> None:
+    """Run the API alone."""
+    from service.api_main import run_api
+
+    raise typer.Exit(run_api(_part("api", parent)))
+
+
+@app.command(hidden=True)
+def worker(parent: Parent = 0) -> None:
+    """Run a worker alone."""
+    from service.worker_main import run_worker
+
+    code = run_worker(_part("worker", parent))
+    os._exit(code)  # a thread of DBOS that waits must not keep the process
+
+
+@app.command()
+def openapi(
+    out: Annotated[Path, typer.Option(help="where to write it")] = Path("openapi/openapi.json"),
+) -> None:
+    """Write the OpenAPI document."""
+    import json
+
+    from service.app import create_app
+
+    document = create_app(ServiceSettings.model_construct()).openapi()
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    typer.echo(f"wrote {out}")
+
+
+def main() -> None:
+    """Entry of the console script."""
+    app()
+
+
+def _part(name: str, parent: int) -> ServiceSettings:
+    """What each process of `cusp up` does first."""
+    from service.logs import set_up_logs
+    from service.process import die_with_parent
+
+    if parent:
+        die_with_parent(parent)
+    settings = _settings()
+    set_up_logs(settings, name)
+    return settings
+
+
+def _settings(**given: object) -> ServiceSettings:
+    try:
+        return ServiceSettings.model_validate(
+            {
+                **ServiceSettings().model_dump(),
+                **{key: value for key, value in given.items() if value is not None},
+            }
+        )
+    except ValidationError as error:
+        told = "; ".join(
+            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")])
+            for each in error.errors()
+        )
+        _refuse(told)
+
+
+def _refuse(reason: str) -> NoReturn:
+    typer.secho(f"cusp: {reason}", err=True, fg="red")
+    raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""Strong ETags: a client that polls is told in a few bytes that nothing changed."""
+
+import hashlib
+from collections.abc import Mapping
+
+from fastapi import Request, Response
+
+
+def conditional_json(request: Request, body: str, headers: Mapping[str, str]) -> Response:
+    """`body` with its ETag, or 304 when the client has exactly that."""
+    etag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
+    all_headers = {**headers, "ETag": etag, "Cache-Control": "no-cache"}
+    known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
+    if etag in known or "*" in known:
+        return Response(status_code=304, headers=all_headers)
+    return Response(body, media_type="application/json", headers=all_headers)

@@ -1,0 +1,182 @@
+"""From a request to a stored job. A file is looked at just enough to refuse what cannot be a mesh; it is parsed
+in the job's own process only."""
+
+import json
+from dataclasses import dataclass
+from typing import IO, Any
+
+import structlog
+from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import ValidationError
+from starlette.datastructures import FormData, UploadFile
+
+from pipeline import detect_format
+from service.api import Api
+from service.blobs import Upload
+from service.errors import (
+    BadRequest,
+    InvalidRequest,
+    PayloadTooLarge,
+    QueueFull,
+    UnknownBlob,
+    UnsupportedMediaType,
+)
+from service.jobs import JobRow, new_id
+from service.options import invalid_request, parse_options, parse_type
+from service.schemas import Blob, JobRequest, Options, ProblemItem, Status
+
+MESHES = ("design", "scan")
+MAX_TEXT_BYTES = 1024 * 1024  # of a JSON body, or of a text part of a form
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A mesh as it comes with a request."""
+
+    name: str
+    file: IO[bytes]
+    filename: str | None
+
+
+async def accept_job(request: Request, api: Api) -> JobRow:
+    """Read a multipart or JSON request, store the job, queue it."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind == "multipart/form-data":
+        async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
+            return await run_in_threadpool(_from_form, api, form)
+    if kind == "application/json":
+        return await run_in_threadpool(_from_json, api, await _body(request))
+    raise UnsupportedMediaType(
+        f"Content-Type {kind!r}: send multipart/form-data with the files design and scan, or application/json"
+    )
+
+
+async def accept_blob(request: Request, api: Api, filename: str | None) -> Blob:
+    """Stream a request's body into a blob."""
+    writer = api.blobs.writer()
+    try:
+        async for chunk in request.stream():
+            if chunk:
+                await run_in_threadpool(writer.write, chunk)
+    except BaseException:
+        writer.abort()
+        raise
+    upload = await run_in_threadpool(writer.finish)
+    return (await run_in_threadpool(_keep, api, {"blob": (upload, filename)}))["blob"]
+
+
+def _from_form(api: Api, form: FormData) -> JobRow:
+    job_type = parse_type(_text(form, "type", "registration"))
+    unknown = sorted({name for name, _ in form.multi_items()} - {*MESHES, "type", "options"})
+    if unknown:
+        raise _wrong_part(unknown[0], "unknown part; a job has the parts design, scan, type and options")
+    options = parse_options(_text(form, "options", "{}"))
+    sources = [_source(form, name) for name in MESHES]
+    _check_room(api)
+    blobs = _keep(api, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
+    inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
+    return _store(api, job_type, inputs, options)
+
+
+def _from_json(api: Api, body: bytes) -> JobRow:
+    try:
+        given = json.loads(body)
+    except ValueError as error:
+        raise BadRequest(f"the body is not JSON: {error}") from error
+    if not isinstance(given, dict):
+        raise InvalidRequest(
+            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")]
+        )
+    parse_type(given.get("type", "registration"))
+    options = parse_options(given.pop("options", {}))
+    try:
+        job = JobRequest.model_validate(given)
+    except ValidationError as error:
+        raise invalid_request(error) from error
+    inputs = {name: getattr(job, name) for name in MESHES}
+    for name, ref in inputs.items():
+        if api.jobs.blob(ref.blob) is None or not api.blobs.has(ref.blob):
+            raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
+    _check_room(api)
+    return _store(api, job.type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+
+
+def _store(api: Api, job_type: str, inputs: dict[str, Any], options: Options) -> JobRow:
+    row = JobRow(
+        id=new_id(),
+        type=job_type,
+        inputs=inputs,
+        options=options.model_dump(mode="json"),
+        label=options.label,
+        attempt=0,
+        crashes=0,
+        progress=0.0,
+    )
+    api.jobs.add(row)
+    try:
+        api.queue.enqueue(row.id)
+    except Exception:
+        # The row is committed, so the job is safe: the reaper enqueues it.
+        log.exception("enqueue failed", job_id=row.id)
+    log.info("job accepted", job_id=row.id, label=row.label)
+    return row
+
+
+def _keep(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:
+    """Check each upload and store it under its content; when one is refused, none is stored."""
+    try:
+        formats = {
+            name: detect_format(upload.head, upload.size, filename, mesh=name if name in MESHES else None)
+            for name, (upload, filename) in uploads.items()
+        }
+    except BaseException:
+        for upload, _ in uploads.values():
+            api.blobs.discard(upload)
+        raise
+    blobs = {}
+    for name, (upload, _) in uploads.items():
+        api.blobs.keep(upload)
+        api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value)
+        blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
+    return blobs
+
+
+def _source(form: FormData, name: str) -> Source:
+    given = form.getlist(name)
+    if len(given) != 1:
+        raise _wrong_part(name, "the file is missing" if not given else "more than one file is given")
+    if not isinstance(given[0], UploadFile):
+        raise _wrong_part(name, "must be a file, not text (with curl: -F design=@part.stl, mind the @)")
+    return Source(name, given[0].file, given[0].filename or None)
+
+
+def _text(form: FormData, name: str, default: str) -> str:
+    given = form.get(name, default)
+    if isinstance(given, str):
+        return given
+    if given.size is not None and given.size > MAX_TEXT_BYTES:
+        raise PayloadTooLarge(f"{name}: larger than {MAX_TEXT_BYTES} bytes")
+    try:
+        return given.file.read().decode()
+    except UnicodeDecodeError as error:
+        raise _wrong_part(name, "must be UTF-8 text") from error
+
+
+def _wrong_part(name: str, detail: str) -> InvalidRequest:
+    return InvalidRequest(f"{name}: {detail}", errors=[ProblemItem(pointer=f"/{name}", detail=detail)])
+
+
+def _check_room(api: Api) -> None:
+    if api.jobs.count(Status.ACCEPTED) >= api.settings.queue_limit:
+        raise QueueFull(f"{api.settings.queue_limit} jobs wait already; send it again later")
+
+
+async def _body(request: Request) -> bytes:
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_TEXT_BYTES:
+            raise PayloadTooLarge(f"a JSON body may have {MAX_TEXT_BYTES} bytes; meshes go by PUT /v1/blobs")
+    return body

@@ -1,0 +1,105 @@
+"""What a client may ask of a job: checked here, before anything is stored, and said with the name of the wrong key."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import JsonValue, ValidationError
+
+from pipeline import Settings
+from service.errors import BadRequest, InvalidOptions, InvalidRequest, UnsupportedOption, UnsupportedType
+from service.schemas import JobType, Options, ProblemItem
+
+JOB_TYPES: tuple[JobType, ...] = ("registration",)  # those the pipeline's door offers
+LATER_OPTIONS = {
+    "webhook": "poll the job, or send `Prefer: wait=30` with the status request",
+    "study": "this version runs registrations only",
+}
+
+
+def parse_type(given: object) -> JobType:
+    """The type of a job. Raises UnsupportedType."""
+    if given not in JOB_TYPES:
+        raise UnsupportedType(
+            f"type {given!r}: this version only runs {', '.join(JOB_TYPES)}; leave `type` out"
+        )
+    return given
+
+
+def parse_options(given: object) -> Options:
+    """`options` as sent (JSON text or its content), its settings included.
+
+    Raises
+    ------
+    InvalidOptions, UnsupportedOption, BadRequest
+    """
+    if isinstance(given, str | bytes):
+        given = _decode(given)
+    if not isinstance(given, dict):
+        raise InvalidOptions(
+            "options: must be a JSON object", errors=[_item("/options", "must be a JSON object")]
+        )
+    for name, remedy in LATER_OPTIONS.items():
+        if given.get(name) is not None:
+            raise UnsupportedOption(f"options.{name}: this version does not have it; {remedy}")
+    try:
+        options = Options.model_validate(
+            {key: value for key, value in given.items() if key not in LATER_OPTIONS}
+        )
+        resolve_settings(options)
+    except ValidationError as error:
+        prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
+        items = problem_items(error, prefix)
+        raise InvalidOptions(_sentence(items), errors=items) from error
+    return options
+
+
+def resolve_settings(options: Options) -> Settings:
+    """The pipeline's settings: the preset, with what was sent over it. Raises ValidationError."""
+    return Settings.model_validate(_merged(Settings.preset(options.preset).model_dump(), options.settings))
+
+
+def invalid_request(error: ValidationError) -> InvalidRequest:
+    """The problem of a JSON body that does not fit."""
+    items = problem_items(error, [])
+    return InvalidRequest(_sentence(items), errors=items)
+
+
+def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem]:
+    """Each wrong value with a JSON Pointer to it."""
+    items = []
+    for each in error.errors(include_url=False, include_context=False):
+        words = (
+            "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
+        )
+        steps = [*prefix, *(str(step) for step in each["loc"])]
+        items.append(
+            _item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
+        )
+    return items
+
+
+def _decode(text: str | bytes) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise BadRequest(f"options: not JSON ({error}); send a JSON object") from error
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str, Any]:
+    """`over` on `base`, key by key in nested objects; validation of the whole comes after."""
+    merged = dict(base)
+    for key, value in over.items():
+        below = merged.get(key)
+        merged[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _item(pointer: str, detail: str) -> ProblemItem:
+    return ProblemItem(pointer=pointer, detail=detail[:300])
+
+
+def _sentence(items: list[ProblemItem]) -> str:
+    """`options.seed: Input should be ...`, for each; at most three."""
+    told = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
+    return "; ".join(told) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")

@@ -1,0 +1,48 @@
+"""Finds the jobs that fell between the chairs: stored but never queued, or running on a worker that is dead."""
+
+import structlog
+
+from service.engine import Queue
+from service.errors import JobCrashed, problem_of
+from service.job_store import JobStore
+from service.jobs import MAX_CRASHES, JobRow, now_ms
+from service.schemas import Status
+
+UNQUEUED_AFTER_MS = 3_000  # the API queues a job within milliseconds of storing it
+DEAD_AFTER_MS = 30_000  # a running job's heartbeat comes every 0.2 s
+log = structlog.get_logger()
+
+
+class Reaper:
+    """Call `at_start` before the worker takes tickets, and `sweep` every few seconds after."""
+
+    def __init__(self, jobs: JobStore, queue: Queue) -> None:
+        self._jobs, self._queue = jobs, queue
+
+    def at_start(self, worker_id: str) -> None:
+        """What this worker ran when it died waits again; DBOS brings the tickets back at its launch."""
+        for row in self._jobs.orphans(worker=worker_id):
+            self._hand_on(row)
+
+    def sweep(self) -> None:
+        """Once over everything."""
+        for row in self._jobs.orphans(silent_since_ms=now_ms() - DEAD_AFTER_MS):
+            if self._hand_on(row):
+                self._queue.requeue(row.id)
+        waiting = self._jobs.waiting_since(now_ms() - UNQUEUED_AFTER_MS)
+        if not waiting:
+            return
+        tickets = self._queue.tickets()
+        for job_id in waiting:
+            if job_id not in tickets:
+                log.warning("job had no ticket", job_id=job_id)
+                self._queue.requeue(job_id)
+
+    def _hand_on(self, row: JobRow) -> bool:
+        """True when the job waits again."""
+        problem = problem_of(
+            JobCrashed(f"{MAX_CRASHES} workers died while they ran this job; report it with the job's id")
+        )
+        status = self._jobs.hand_on(row, problem)
+        log.warning("its worker died", job_id=row.id, attempt=row.attempt, worker=row.worker, status=status)
+        return status is Status.ACCEPTED

@@ -1,0 +1,40 @@
+"""Meshes that are sent once and used by many jobs."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from service.api import UseApi
+from service.intake import accept_blob
+from service.problems import problems
+from service.schemas import Blob
+
+router = APIRouter(prefix="/v1/blobs", tags=["blobs"])
+
+RAW_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+
+
+@router.put("", responses=problems(413, 415, 422), openapi_extra=RAW_BODY)
+async def put_blob(
+    request: Request,
+    api: UseApi,
+    filename: Annotated[str | None, Query(max_length=255, description="a hint at the format")] = None,
+) -> Blob:
+    """Store a mesh under its content. The same content again is the same blob."""
+    return await accept_blob(request, api, filename)
+
+
+@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(404)})
+def head_blob(blob_id: str, api: UseApi) -> Response:
+    """Ask whether a blob is stored, before sending it."""
+    row = api.jobs.blob(blob_id)
+    if row is None or not api.blobs.has(blob_id):
+        return Response(status_code=404)
+    return Response(
+        headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format}
+    )

@@ -1,0 +1,183 @@
+"""Jobs: start, list, watch, fetch, dismiss."""
+
+import asyncio
+import re
+import time
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import StreamingResponse
+
+from service import problems as told
+from service.api import Api, UseApi
+from service.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
+from service.etags import conditional_json
+from service.intake import accept_job
+from service.jobs import JobRow
+from service.problems import problems
+from service.schemas import FileList, Job, JobPage, JobRequest, JobType, Options, Results, Status
+from service.views import files_of, job_of
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+RETRY_AFTER_S = 1
+MAX_WAIT_S = 60
+WAIT_LOOK_S = 0.1
+JOB_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["design", "scan"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "design": {"type": "string", "format": "binary", "description": "the design mesh"},
+                        "scan": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "the scan mesh or points",
+                        },
+                        "type": {"type": "string", "enum": ["registration"], "default": "registration"},
+                        "options": {"$ref": "#/components/schemas/Options"},
+                    },
+                },
+                "encoding": {"options": {"contentType": "application/json"}},
+            },
+            "application/json": {"schema": {"$ref": "#/components/schemas/JobRequest"}},
+        },
+    }
+}
+EXTRA_SCHEMAS = (JobRequest, Options)  # named by JOB_BODY only, so FastAPI does not find them itself
+
+
+@router.post("", status_code=202, responses=problems(400, 413, 415, 422, 503), openapi_extra=JOB_BODY)
+async def submit(request: Request, response: Response, api: UseApi) -> Job:
+    """Start a job, with the meshes as files of a form or as blobs that were sent before."""
+    row = await accept_job(request, api)
+    response.headers["Location"] = f"/v1/jobs/{row.id}"
+    response.headers["Retry-After"] = str(RETRY_AFTER_S)
+    return job_of(row)
+
+
+@router.get("", responses=problems(422))
+def list_jobs(
+    api: UseApi,
+    status: Annotated[Status | None, Query(description="only these")] = None,
+    type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
+    label: Annotated[str | None, Query(max_length=200, description="only these")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
+    cursor: Annotated[str | None, Query(max_length=36, description="`next` of the page before")] = None,
+) -> JobPage:
+    """List jobs, newest first."""
+    rows = api.jobs.page(status=status, job_type=type, label=label, before_id=cursor, limit=limit + 1)
+    return JobPage(
+        jobs=[job_of(row) for row in rows[:limit]], next=rows[limit - 1].id if len(rows) > limit else None
+    )
+
+
+@router.get(
+    "/{job_id}",
+    response_model=Job,
+    responses={304: {"description": "Not changed since If-None-Match."}, **problems(404)},
+)
+async def status(
+    job_id: str,
+    request: Request,
+    api: UseApi,
+    prefer: Annotated[
+        str | None, Header(description="`wait=N`: answer when final, or after N seconds")
+    ] = None,
+) -> Response:
+    """Watch a job."""
+    seconds = _seconds_to_wait(prefer)
+    row = await _wait(api, job_id, seconds)
+    headers = {} if row.status.is_final else {"Retry-After": str(RETRY_AFTER_S)}
+    if seconds:
+        headers["Preference-Applied"] = f"wait={seconds}"
+    return conditional_json(request, job_of(row).model_dump_json(), headers)
+
+
+@router.get("/{job_id}/results", response_model=Results, responses=problems(404, 409, 413, 415, 422, 500))
+def results(job_id: str, api: UseApi) -> Response:
+    """Get results.json; of a failed job, its problem."""
+    row = api.job(job_id)
+    if row.status is Status.FAILED and row.error:
+        return told.problem_response(row.error)
+    _check_successful(row)
+    return _download(api, row, "results.json", inline=True)
+
+
+@router.get("/{job_id}/files", responses=problems(404, 409))
+def list_files(job_id: str, api: UseApi) -> FileList:
+    """List the files of a successful job."""
+    row = api.job(job_id)
+    _check_successful(row)
+    return files_of(row)
+
+
+@router.get(
+    "/{job_id}/files/{name}",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}, **problems(404, 409)},
+)
+def download(job_id: str, name: str, api: UseApi) -> Response:
+    """Download a file of a successful job."""
+    row = api.job(job_id)
+    _check_successful(row)
+    return _download(api, row, name)
+
+
+@router.delete("/{job_id}", status_code=204, responses=problems(404))
+def dismiss(job_id: str, api: UseApi) -> None:
+    """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
+    row = api.jobs.find(job_id)
+    if row is None:
+        raise JobNotFound(f"no job has the id {job_id!r}")
+    if row.status.is_final:
+        if api.jobs.remove(job_id):
+            api.blobs.remove_results(job_id)
+    elif api.jobs.dismiss(job_id, row.status):
+        api.queue.drop(job_id)
+    else:
+        dismiss(job_id, api)  # it moved on between the two: a job moves a few times only
+
+
+async def _wait(api: Api, job_id: str, seconds: int) -> JobRow:
+    deadline = time.monotonic() + seconds
+    while True:
+        row = await run_in_threadpool(api.job, job_id)
+        if row.status.is_final or time.monotonic() >= deadline:
+            return row
+        await asyncio.sleep(WAIT_LOOK_S)
+
+
+def _seconds_to_wait(prefer: str | None) -> int:
+    found = re.search(r"(?:^|[,;\s])wait\s*=\s*(\d{1,9})", prefer or "")
+    return min(int(found[1]), MAX_WAIT_S) if found else 0
+
+
+def _check_successful(row: JobRow) -> None:
+    if row.status is Status.DISMISSED:
+        raise JobDismissed(f"job {row.id} was dismissed; start a new one")
+    if row.status is not Status.SUCCESSFUL:
+        why = (
+            "failed, see its results"
+            if row.status is Status.FAILED
+            else f"{row.status}; poll it until it is final"
+        )
+        raise JobNotFinal(f"job {row.id} is {why}")
+
+
+def _download(api: Api, row: JobRow, name: str, *, inline: bool = False) -> Response:
+    entry = next((entry for entry in row.files or [] if entry["name"] == name), None)
+    if entry is None or row.published_attempt is None:
+        raise FileNotInJob(f"job {row.id} has no file {name!r}; see /v1/jobs/{row.id}/files")
+    headers = {"Content-Length": str(entry["size"]), "ETag": f'"{entry["sha256"]}"'}
+    if not inline:
+        headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(name)}"
+    content = api.blobs.read(row.id, row.published_attempt, name)
+    return StreamingResponse(content, media_type=entry["media_type"], headers=headers)

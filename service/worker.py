@@ -1,0 +1,143 @@
+"""Takes tickets from the queue and runs each job from its claim to its publication."""
+
+import shutil
+import threading
+import time
+import uuid
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from service.blobs import BlobStore
+from service.errors import InternalError, JobCrashed, problem_of
+from service.job_store import JobStore
+from service.jobs import JobRow
+from service.options import resolve_settings
+from service.sandbox import Outcome, Sandbox, SandboxError, log_tail
+from service.schemas import Options
+
+log = structlog.get_logger()
+
+
+class Worker:
+    """One worker process's jobs; `run` is called by many threads."""
+
+    def __init__(
+        self, worker_id: str, jobs: JobStore, blobs: BlobStore, sandbox: Sandbox, scratch: Path
+    ) -> None:
+        self._id, self._jobs, self._blobs, self._sandbox, self._scratch = (
+            worker_id,
+            jobs,
+            blobs,
+            sandbox,
+            scratch,
+        )
+        self._stopping = threading.Event()
+        self._busy = 0
+        self._idle = threading.Condition()
+        self.broken: SandboxError | None = None  # set once no job can run any more: end this process
+
+    def run(self, job_id: str) -> None:
+        """Run a job that may be there to be run. Whatever happens, its row tells how it ended."""
+        with self._idle:
+            self._busy += 1
+        try:
+            if not self._stopping.is_set() and (row := self._jobs.claim(job_id, self._id)) is not None:
+                with structlog.contextvars.bound_contextvars(job_id=job_id, attempt=row.attempt):
+                    self._run_claimed(row)
+        finally:
+            with self._idle:
+                self._busy -= 1
+                self._idle.notify_all()
+        if self._stopping.is_set():
+            # Returning would use the ticket up, though its job waits again. The process is about to end, and
+            # unfinished tickets come back at the next start.
+            threading.Event().wait()
+
+    def stop(self, timeout_s: float) -> bool:
+        """Kill what runs and hand it back to the queue; True when that was done in time."""
+        self._stopping.set()
+        with self._idle:
+            return self._idle.wait_for(lambda: self._busy == 0, timeout_s)
+
+    def _run_claimed(self, row: JobRow) -> None:
+        folder = self._scratch / f"{row.id}-{row.attempt}"
+        waited_s = (time.time() * 1000 - row.created_ms) / 1000
+        log.info("job starts", waited_s=round(waited_s, 2))
+        try:
+            outcome = self._compute(row, folder)
+            self._conclude(row, folder, outcome)
+        except SandboxError as error:
+            self.broken = error
+            self._jobs.hand_back(row.id, row.attempt)
+            self._stopping.set()
+        except Exception:
+            instance = f"urn:uuid:{uuid.uuid4()}"
+            log.exception("worker failed", instance=instance)
+            detail = f"an unforeseen error in the worker; report it with the id {instance}"
+            self._jobs.fail(row.id, row.attempt, problem_of(InternalError(detail), instance=instance))
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _compute(self, row: JobRow, folder: Path) -> Outcome:
+        folder.mkdir(parents=True, exist_ok=True)
+        task = self._task(row, folder)
+        beat = self._jobs.beat
+
+        def on_progress(stage: str, percent: float, message: str) -> None:
+            beat(
+                row.id,
+                row.attempt,
+                stage=stage,
+                progress=min(max(percent, 0.0), 100.0),
+                message=message[:500],
+            )
+
+        def is_wanted() -> bool:
+            return not self._stopping.is_set() and beat(row.id, row.attempt)
+
+        return self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
+
+    def _task(self, row: JobRow, folder: Path) -> dict[str, Any]:
+        """What `child.run` is told; the meshes are copied into the job's folder."""
+        options = Options.model_validate(row.options)
+        task: dict[str, Any] = {
+            "folder": str(folder),
+            "out": str(folder / "out"),
+            "settings": resolve_settings(options).model_dump(mode="json"),
+            "tolerance_mm": options.tolerance_mm,
+            "seed": options.seed,
+        }
+        for mesh, given in row.inputs.items():
+            path = folder / f"{mesh}.mesh"  # never the client's file name: that is a hint, not a path
+            self._blobs.fetch(given["blob"], path)
+            unit = getattr(options.units, mesh)
+            task[mesh] = {"path": str(path), "filename": given["filename"], "unit": unit}
+        return task
+
+    def _conclude(self, row: JobRow, folder: Path, outcome: Outcome) -> None:
+        facts = {
+            "seconds": round(outcome.seconds, 2),
+            "peak_mib": outcome.peak_mib and round(outcome.peak_mib),
+        }
+        if outcome.kind == "unwanted":
+            handed_back = self._stopping.is_set() and self._jobs.hand_back(row.id, row.attempt)
+            log.info("job handed back" if handed_back else "job dismissed", **facts)
+        elif outcome.kind == "failed" and outcome.problem is not None:
+            self._jobs.fail(row.id, row.attempt, outcome.problem)
+            log.warning("job failed", code=outcome.problem.code, detail=outcome.problem.detail, **facts)
+            if outcome.problem.status >= 500:
+                log.warning("its process said", said=log_tail(folder))
+        elif not (folder / "out" / "results.json").is_file():
+            self._jobs.fail(
+                row.id, row.attempt, problem_of(JobCrashed("the job ended without results; report it"))
+            )
+            log.error("job without results", **facts)
+        elif self._jobs.succeed(
+            row.id, row.attempt, self._blobs.publish(row.id, row.attempt, folder / "out")
+        ):
+            log.info("job successful", **facts)
+        else:
+            self._blobs.remove_results(row.id)  # dismissed while it was published
+            log.info("job dismissed", **facts)

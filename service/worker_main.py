@@ -1,0 +1,70 @@
+"""The worker process: opens everything, runs until it is told to stop, and ends within seconds."""
+
+import os
+import shutil
+import signal
+import threading
+import time
+
+import structlog
+
+from service.blobs import BlobStore
+from service.engine import DbosQueue, DbosRunner
+from service.job_store import JobStore
+from service.reaper import Reaper
+from service.sandbox import Limits, Sandbox, SandboxError
+from service.settings import ServiceSettings
+from service.store import open_database
+from service.worker import Worker
+
+EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
+BEAT_INTERVAL_S = 1.0
+SWEEP_INTERVAL_S = 5.0
+STOP_TIMEOUT_S = 5.0
+log = structlog.get_logger()
+
+
+def run_worker(settings: ServiceSettings) -> int:
+    """Run jobs until SIGTERM or SIGINT. Returns the exit code; call `os._exit` with it, for threads may hang."""
+    stop = threading.Event()
+    for kind in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(kind, lambda *_: stop.set())
+    engine = open_database(settings.database_path)
+    jobs, blobs = JobStore(engine), BlobStore(settings.blob_dir)
+    sandbox = Sandbox(Limits(settings.job_time_limit_s, settings.job_memory_limit_mib))
+    try:
+        sandbox.start()
+    except SandboxError as error:
+        log.error("cannot run jobs", reason=str(error))
+        return EXIT_BROKEN
+    shutil.rmtree(settings.scratch_dir, ignore_errors=True)  # of a worker that was killed
+    settings.scratch_dir.mkdir(mode=0o700)
+    worker = Worker(settings.worker_id, jobs, blobs, sandbox, settings.scratch_dir)
+    reaper = Reaper(jobs, DbosQueue(settings.queue_path))
+    reaper.at_start(settings.worker_id)
+    DbosRunner(settings.queue_path, settings.worker_id, settings.jobs, worker.run).start()
+    log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
+    _tend(settings.worker_id, jobs, reaper, worker, stop)
+    in_time = worker.stop(STOP_TIMEOUT_S)
+    sandbox.stop()
+    jobs.worker_gone(settings.worker_id)
+    log.info("worker stops", handed_back=in_time)
+    if worker.broken is not None:
+        log.error("cannot run jobs", reason=str(worker.broken))
+        return EXIT_BROKEN
+    return 0
+
+
+def _tend(worker_id: str, jobs: JobStore, reaper: Reaper, worker: Worker, stop: threading.Event) -> None:
+    """Until told to stop: say that this worker lives, and look for lost jobs."""
+    swept_at = float("-inf")
+    while worker.broken is None:
+        try:
+            jobs.worker_beat(worker_id)
+            if time.monotonic() - swept_at >= SWEEP_INTERVAL_S:
+                swept_at = time.monotonic()
+                reaper.sweep()
+        except Exception:
+            log.exception("sweep failed")  # a busy database, most likely; the next one does it
+        if stop.wait(BEAT_INTERVAL_S):
+            return
