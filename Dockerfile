@@ -1,0 +1,49 @@
+# Any Debian-like base with glibc >= 2.35 and Python >= 3.11: debian:12-slim, ubuntu:24.04, ...
+ARG BASE=debian:12-slim
+
+FROM ${BASE} AS builder
+RUN apt-get update \
+    && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends ca-certificates g++ python3-dev python3-venv \
+    && rm -rf /var/lib/apt/lists/*
+WORKDIR /src
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
+RUN python3 -m venv /opt/cusp
+# The libraries first: a change of our code does not fetch them again.
+COPY pyproject.toml constraints.txt ./
+RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > needed.txt \
+    && /opt/cusp/bin/pip install --constraint constraints.txt --requirement needed.txt
+COPY LICENSE README.md ./
+COPY pipeline pipeline
+COPY service service
+RUN /opt/cusp/bin/pip install --constraint constraints.txt . \
+    && /opt/cusp/bin/pip uninstall --yes pip
+
+FROM ${BASE} AS runtime
+# What the wheels of open3d and pymeshlab expect of the system. Without libopengl0, pymeshlab loads but loses
+# its meshing filters, without a word: hence the check below, and another at each start of the service.
+RUN apt-get update \
+    && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
+        libegl1 libgl1 libgomp1 libopengl0 libusb-1.0-0 python3 \
+    && rm -rf /var/lib/apt/lists/* \
+    && groupadd --gid 10001 cusp \
+    && useradd --uid 10001 --gid cusp --no-create-home --home-dir /data --shell /usr/sbin/nologin cusp \
+    && install --directory --owner cusp --group cusp --mode 0700 /data
+COPY --from=builder /opt/cusp /opt/cusp
+ENV PATH=/opt/cusp/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
+    CUSP_DATA_DIR=/data
+USER 10001:10001
+WORKDIR /data
+RUN ["python", "-c", "import pipeline; pipeline.preload()"]
+
+VOLUME /data
+EXPOSE 8000
+HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
+# Inside a container every address but its own is "another machine". This version has no API keys: publish the
+# port on loopback only (docker run -p 127.0.0.1:8000:8000), or put a proxy that checks who asks in front of it.
+ENV CUSP_ALLOW_OPEN=1
+STOPSIGNAL SIGTERM
+ENTRYPOINT ["cusp"]
+CMD ["up", "--host", "0.0.0.0", "--port", "8000"]
