@@ -86,7 +86,7 @@ class LandmarksSettings(Section):
     include_halo: bool = Field(True, description="use halo vertices for the PCA and as landmarks (paper: false)")
     min_segment_vertices: int = Field(30, ge=8, description="smaller segments get no landmarks")
     border_distance_radii: float = Field(
-        1.5, ge=0, description="no landmark closer to an open border than this many feature radii; 0 is off (paper)"
+        1.0, ge=0, description="no landmark closer to an open border than this many feature radii; 0 is off (paper)"
     )
     spacing_radii: float = Field(
         1.0, ge=0, description="of landmarks within this many feature radii the strongest stays; 0 is off (paper)"
@@ -101,7 +101,7 @@ class LandmarksSettings(Section):
 class MatchingSettings(Section):
     descriptor_radius_radii: float = Field(5.0, gt=0, description="FPFH support in feature radii")
     candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
-    max_pairs: int = Field(200_000, ge=100, description="correspondence pairs turned into poses")
+    max_pairs: int = Field(8_000, ge=100, description="best-agreeing correspondence pairs turned into poses, a source")
     max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
     sample_points: int = Field(1500, ge=100, description="scan points of the short ICP")
     axes_poses: bool = Field(True, description="also try the 24 poses that align principal axes")

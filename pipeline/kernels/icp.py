@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray
+from pipeline.mesh import FloatArray, IndexArray
 
 MIN_AGREEMENT = 0.5  # cosine: a match whose normals differ by more than 60 degrees is of another side
 
@@ -57,14 +57,17 @@ def step(moved: FloatArray, closest: FloatArray, normals: FloatArray, weights: F
 
 def refine_many(
     points: FloatArray,
-    normals: FloatArray | None,
+    normals: FloatArray,
     target: Target,
     T: FloatArray,
+    facing: FloatArray,
     *,
     max_distance_mm: float,
     iterations: int,
 ) -> tuple[FloatArray, FloatArray]:
     """A short ICP of `points` (k, 3) from every pose in T (h, 4, 4).
+
+    facing : (h,) +1, or -1 to turn the normals of the points over under that pose
 
     Returns
     -------
@@ -72,25 +75,30 @@ def refine_many(
     max_distance_mm^2, which is also the cost of a point without a match of agreeing normal
     """
     for _ in range(iterations):
-        moved, found, weights = _match(points, normals, target, T, max_distance_mm)
+        moved, found, weights = _match(points, normals, target, T, facing, max_distance_mm)
         T = step(moved, target.points[found], target.normals[found], weights) @ T
-    moved, found, weights = _match(points, normals, target, T, max_distance_mm)
+    moved, found, weights = _match(points, normals, target, T, facing, max_distance_mm)
     residual = np.einsum("hkd,hkd->hk", target.normals[found], target.points[found] - moved)
     cost = np.where(weights > 0, np.minimum(residual**2, max_distance_mm**2), max_distance_mm**2)
     return T, cost.mean(axis=1)
 
 
 def _match(
-    points: FloatArray, normals: FloatArray | None, target: Target, T: FloatArray, max_distance_mm: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    points: FloatArray,
+    normals: FloatArray,
+    target: Target,
+    T: FloatArray,
+    facing: FloatArray,
+    max_distance_mm: float,
+) -> tuple[FloatArray, IndexArray, FloatArray]:
+    """Points in place (h, k, 3), number of the nearest sample (h, k), weight (h, k): 1 where near and agreeing."""
     moved = rigid.transformed(T, points)
     distance, found = target.tree.query(moved, distance_upper_bound=max_distance_mm)
-    weights = np.isfinite(distance).astype(np.float64)
-    found = np.minimum(found, len(target.points) - 1)
-    if normals is not None:
-        turned = np.einsum("hij,kj->hki", T[:, :3, :3], normals)
-        weights *= np.einsum("hkd,hkd->hk", turned, target.normals[found]) > MIN_AGREEMENT
-    return moved, found, weights
+    near = np.isfinite(distance)
+    found = np.where(near, found, 0).astype(np.int64)
+    turned = rigid.turned(T[:, :3, :3], normals) * facing[:, None, None]
+    agree = (turned * target.normals[found]).sum(axis=2) > MIN_AGREEMENT
+    return moved, found, (near & agree).astype(np.float64)
 
 
 def refine(

@@ -24,10 +24,11 @@ class NearestGrid:
         self._points, self._normals = points, normals
 
     def costs(
-        self, T: FloatArray, points: FloatArray, normals: FloatArray | None, max_distance_mm: float
+        self, T: FloatArray, facing: FloatArray, points: FloatArray, normals: FloatArray, max_distance_mm: float
     ) -> FloatArray:
         """(h,) mean squared distance to the sample nearest to the cell a point falls in, truncated at
-        max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees.
+        max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees; facing : (h,) +1, or -1 to turn
+        the normals of the points over.
         """
         costs = np.zeros(len(T))
         block = max(1, 2_000_000 // max(1, len(points)))
@@ -39,9 +40,8 @@ class NearestGrid:
             cell = np.clip(cell, 0, self._shape - 1)
             found = self._nearest[(cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]]
             squared = ((moved - self._points[found]) ** 2).sum(axis=2)
-            if normals is not None:
-                turned = np.einsum("hij,kj->hki", chunk[:, :3, :3], normals)
-                inside &= np.einsum("hkd,hkd->hk", turned, self._normals[found]) > 0.5
+            turned = rigid.turned(chunk[:, :3, :3], normals) * facing[start : start + block, None, None]
+            inside &= (turned * self._normals[found]).sum(axis=2) > 0.5
             costs[start : start + block] = np.where(
                 inside, np.minimum(squared, max_distance_mm**2), max_distance_mm**2
             ).mean(axis=1)

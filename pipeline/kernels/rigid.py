@@ -6,9 +6,15 @@ from pipeline.mesh import FloatArray
 
 
 def transformed(T_target_source: FloatArray, points: FloatArray) -> FloatArray:
-    """points : (..., k, 3), T : (..., 4, 4), broadcast over the leading axes."""
+    """points : (k, 3) under one motion (4, 4), or under each of (h, 4, 4), which gives (h, k, 3)."""
     R, t = T_target_source[..., :3, :3], T_target_source[..., None, :3, 3]
-    return np.asarray(np.einsum("...ij,...kj->...ki", R, points) + t, dtype=np.float64)
+    return turned(R, points) + t
+
+
+def turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
+    """vectors : (k, 3) under one rotation (3, 3), or under each of (h, 3, 3), which gives (h, k, 3)."""
+    flat = np.ascontiguousarray(R).reshape(-1, 3) @ vectors.T  # one product for all poses
+    return np.swapaxes(flat.reshape(*R.shape[:-2], 3, len(vectors)), -1, -2)
 
 
 def compose(R: FloatArray, t: FloatArray) -> FloatArray:

@@ -1,13 +1,13 @@
 """Which pose: hypotheses from landmarks (and cheap independent sources), judged by how the whole scan fits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from pipeline.kernels import icp, poses, rigid, sampling
+from pipeline.kernels import icp, poses, rigid, sampling, topology
 from pipeline.kernels.nearest_grid import NearestGrid
 from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.settings import MatchingSettings
@@ -18,7 +18,8 @@ _SOURCES: tuple[Source, ...] = ("landmarks", "dense", "axes")
 
 DESIGN_SAMPLES = 20_000
 DENSE_POINTS = 160
-COARSE_POINTS = 300
+COARSE_POINTS = 150
+MAX_RANKED = 3000  # of the cheaply judged poses, so many are looked at for distinct ones
 KEEP_APART_SHARE = 0.04  # of the diagonal: nearer poses are one hypothesis
 COARSE_SHARE = 0.05  # of the diagonal: truncation while poses are still rough
 FINE_SHARE = 0.015
@@ -35,9 +36,12 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """T_design_scan after a short ICP; cost_mm2 : truncated point-to-plane cost; source : where it came from"""
+    """T_design_scan after a short ICP; facing : -1 when the scan's normals point inwards under it;
+    cost_mm2 : truncated point-to-plane cost; source : where it came from
+    """
 
     T_design_scan: FloatArray
+    facing: float
     cost_mm2: float
     source: Source
 
@@ -57,35 +61,63 @@ class Matching:
 def match(design: Side, scan: Side, radius_mm: float, settings: MatchingSettings, seed: int) -> Matching:
     """Poses of two corresponding oriented points, each refined by a short ICP; the lowest truncated
     point-to-plane cost with agreeing normals wins.
+
+    An open scan does not tell its outside from its inside (depth-camera meshes come either way), so its poses are
+    also tried with the normals turned over.
     """
     diagonal = design.mesh.diagonal_mm
     samples = sampling.on_surface(design.mesh, DESIGN_SAMPLES, seed)
     probes = sampling.on_surface(scan.mesh, settings.sample_points, seed + 1)
-    target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
-
-    T, source = _candidates(design, scan, samples.points, probes.points, radius_mm, settings)
     few = slice(None, None, max(1, len(probes.points) // COARSE_POINTS))
-    grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
-    coarse = grid.costs(T, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal)
+    target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
     corners = _corners(scan.mesh)
-    apart = KEEP_APART_SHARE * diagonal
-    first = poses.distinct(T, np.argsort(coarse, kind="stable"), corners, apart, settings.max_hypotheses)
-    T, source = T[first], source[first]
 
-    T, cost = icp.refine_many(
-        probes.points[few], probes.normals[few], target, T, max_distance_mm=COARSE_SHARE * diagonal, iterations=8
+    def best_distinct(pool: Pool, cost: FloatArray, most: int) -> Pool:
+        order = np.argsort(cost, kind="stable")[:MAX_RANKED]
+        return pool.take(poses.distinct(pool.T, order, corners, KEEP_APART_SHARE * diagonal, most))
+
+    def refined(pool: Pool, points: slice, share: float, iterations: int) -> tuple[Pool, FloatArray]:
+        T, cost = icp.refine_many(
+            probes.points[points],
+            probes.normals[points],
+            target,
+            pool.T,
+            pool.facing,
+            max_distance_mm=share * diagonal,
+            iterations=iterations,
+        )
+        return replace(pool, T=T), cost
+
+    pool = _candidates(design, scan, samples.points, probes.points, radius_mm, settings)
+    grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
+    cost = grid.costs(
+        pool.T, pool.facing, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal
     )
-    best = poses.distinct(T, np.argsort(cost, kind="stable"), corners, apart, FINALISTS)
-    T, source = T[best], source[best]
-    T, _ = icp.refine_many(
-        probes.points, probes.normals, target, T, max_distance_mm=2 * FINE_SHARE * diagonal, iterations=6
+    pool = best_distinct(pool, cost, settings.max_hypotheses)
+    pool, cost = refined(pool, few, COARSE_SHARE, 8)
+    pool = best_distinct(pool, cost, FINALISTS)
+    pool, _ = refined(pool, slice(None), 2 * FINE_SHARE, 6)
+    pool, cost = refined(pool, slice(None), FINE_SHARE, 10)
+    numbered = replace(pool, cost=cost)
+    pool = best_distinct(numbered, cost, FINALISTS)
+    hypotheses = tuple(
+        Hypothesis(rigid.orthonormal(pool.T[k]), float(pool.facing[k]), float(pool.cost[k]), _SOURCES[pool.source[k]])
+        for k in range(len(pool.T))
     )
-    T, cost = icp.refine_many(
-        probes.points, probes.normals, target, T, max_distance_mm=FINE_SHARE * diagonal, iterations=10
-    )
-    final = poses.distinct(T, np.argsort(cost, kind="stable"), corners, apart, FINALISTS)
-    hypotheses = tuple(Hypothesis(rigid.orthonormal(T[k]), float(cost[k]), _SOURCES[source[k]]) for k in final)
     return _with_matches(design, scan, hypotheses, radius_mm)
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """T : (h, 4, 4); facing : (h,) +1 or -1 (scan normals turned over); source : (h,) in `_SOURCES`; cost : (h,)"""
+
+    T: FloatArray
+    facing: FloatArray
+    source: IndexArray
+    cost: FloatArray
+
+    def take(self, index: IndexArray) -> "Pool":
+        return Pool(self.T[index], self.facing[index], self.source[index], self.cost[index])
 
 
 def _candidates(
@@ -95,38 +127,53 @@ def _candidates(
     scan_points: FloatArray,
     radius_mm: float,
     settings: MatchingSettings,
-) -> tuple[FloatArray, IndexArray]:
-    """(h, 4, 4) poses and for each the number of its source in `_SOURCES`."""
+) -> Pool:
     support = settings.descriptor_radius_radii * radius_mm
     design_fpfh, scan_fpfh = fpfh(design.mesh, support), fpfh(scan.mesh, support)
-    pools: list[FloatArray] = [np.zeros((0, 4, 4))]
-    numbers: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
+    scan_normals, design_normals = scan.mesh.vertex_normals(), design.mesh.vertex_normals()
+    pools: list[tuple[FloatArray, float, int]] = []
 
-    def pool(number: int, found: FloatArray) -> None:
-        pools.append(found)
-        numbers.append(np.full(len(found), number))
-
-    def from_pairs(scan_vertex: IndexArray, design_vertex: IndexArray, candidates: int) -> FloatArray:
-        i, j = _nearest_descriptors(scan_fpfh[scan_vertex], design_fpfh[design_vertex], candidates)
-        scan_normals, design_normals = scan.mesh.vertex_normals(), design.mesh.vertex_normals()
+    def from_pairs(scan_vertex: IndexArray, design_vertex: IndexArray, candidates: int, facing: float) -> FloatArray:
+        described = scan_fpfh if facing > 0 else turned_over(scan_fpfh)
+        i, j = _nearest_descriptors(described[scan_vertex], design_fpfh[design_vertex], candidates)
         i, j = scan_vertex[i], design_vertex[j]
         return poses.from_oriented_pairs(
-            (scan.mesh.vertices[i], scan_normals[i]),
+            (scan.mesh.vertices[i], facing * scan_normals[i]),
             (design.mesh.vertices[j], design_normals[j]),
             length_tolerance_mm=1.5 * radius_mm,
             min_length_mm=4 * radius_mm,
-            max_pairs=settings.max_pairs // 10,
+            max_pairs=settings.max_pairs,
         )
 
-    if len(design.landmarks.vertex) >= 2 and len(scan.landmarks.vertex) >= 2:
-        pool(0, from_pairs(scan.landmarks.vertex, design.landmarks.vertex, settings.candidates))
-    if settings.dense_pairs:
-        spread = sampling.farthest(scan.mesh.vertices, DENSE_POINTS)
-        everywhere = sampling.farthest(design.mesh.vertices, 4 * DENSE_POINTS)
-        pool(1, from_pairs(spread, everywhere, 3))
-    if settings.axes_poses or sum(map(len, pools)) == 0:
-        pool(2, poses.from_axes(scan_points, design_points))
-    return np.concatenate(pools), np.concatenate(numbers)
+    spread = sampling.farthest(scan.mesh.vertices, DENSE_POINTS)
+    everywhere = sampling.farthest(design.mesh.vertices, 4 * DENSE_POINTS)
+    for facing in (1.0, -1.0) if _is_open(scan.mesh) else (1.0,):
+        if min(len(design.landmarks.vertex), len(scan.landmarks.vertex)) >= 2:
+            found = from_pairs(scan.landmarks.vertex, design.landmarks.vertex, settings.candidates, facing)
+            pools.append((found, facing, 0))
+        if settings.dense_pairs:
+            pools.append((from_pairs(spread, everywhere, 3, facing), facing, 1))
+        if settings.axes_poses or sum(len(found) for found, _, _ in pools) == 0:
+            pools.append((poses.from_axes(scan_points, design_points), facing, 2))
+    return Pool(
+        np.concatenate([found for found, _, _ in pools]),
+        np.concatenate([np.full(len(found), facing) for found, facing, _ in pools]),
+        np.concatenate([np.full(len(found), number) for found, _, number in pools]),
+        np.zeros(sum(len(found) for found, _, _ in pools)),
+    )
+
+
+def _is_open(mesh: Mesh) -> bool:
+    return bool(topology.border_vertices(mesh.faces, len(mesh.vertices)).any())
+
+
+def turned_over(histograms: FloatArray) -> FloatArray:
+    """What `fpfh` gives of the same surface with all normals reversed.
+
+    Of the three angles of a pair, theta and phi change sign and alpha stays: their 11 bins are read backwards.
+    """
+    theta, alpha, phi = histograms[:, :11], histograms[:, 11:22], histograms[:, 22:]
+    return np.concatenate([theta[:, ::-1], alpha, phi[:, ::-1]], axis=1)
 
 
 def fpfh(mesh: Mesh, radius_mm: float) -> FloatArray:

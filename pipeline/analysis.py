@@ -1,0 +1,121 @@
+"""What one mesh is, before anything is compared: the stages from load to landmarks, for design and scan alike."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.door import MeshFile
+from pipeline.mesh import IndexArray, Mesh
+from pipeline.outcome import Centre, Landmark, Note, Segments
+from pipeline.progress import Stage
+from pipeline.settings import Settings
+from pipeline.stages.clean import Cleaned, clean
+from pipeline.stages.features import features, features_radius_mm
+from pipeline.stages.geodesics import geodesics
+from pipeline.stages.landmarks import LandmarkSet, landmarks
+from pipeline.stages.load import Loaded, load
+from pipeline.stages.resample import Resampled, resample, working_edge_mm
+from pipeline.stages.segmentation import Segmentation, segment
+from pipeline.watch import Watch
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """The two lengths at which both meshes of a job are looked at, taken from the design once."""
+
+    edge_mm: float
+    radius_mm: float
+
+    @classmethod
+    def of(cls, design: Mesh, settings: Settings) -> "Scales":
+        area = float(design.face_areas_mm2().sum())
+        return cls(
+            working_edge_mm(area, settings.resample.target_vertices), features_radius_mm(area, settings.features)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """One mesh, analysed.
+
+    mesh : the cleaned mesh, which `vertex` in results indexes; landmark_vertices : (k,) its vertex nearest to each
+    landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live
+    """
+
+    mesh: Mesh
+    resampled: Resampled
+    segmentation: Segmentation
+    landmarks: LandmarkSet
+    landmark_vertices: IndexArray
+    warnings: tuple[Note, ...]
+
+
+def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool) -> tuple[Loaded, Cleaned]:
+    with watch.stage(Stage.LOAD, name):
+        loaded = load(file, name, settings.load, needs_surface=needs_surface)
+    with watch.stage(Stage.CLEAN, name):
+        return loaded, clean(loaded.mesh, name, settings.clean)
+
+
+def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch) -> Analysis:
+    """Section 1 of the method, steps 1 to 4."""
+    with watch.stage(Stage.RESAMPLE, name):
+        resampled = resample(mesh, name, scales.edge_mm, settings.resample)
+    working = resampled.mesh
+    with watch.stage(Stage.GEODESICS, name):
+        distances = geodesics(working, name, settings.segmentation.quantile)
+    with watch.stage(Stage.SEGMENTATION, name):
+        segmentation = segment(working, name, distances, settings.segmentation)
+    with watch.stage(Stage.FEATURES, name):
+        measured = features(working, distances.solver, scales.radius_mm, settings.features)
+    with watch.stage(Stage.LANDMARKS, name):
+        found = landmarks(working, segmentation, measured, settings.landmarks)
+    _, nearest = cKDTree(mesh.vertices).query(found.position_mm.reshape(-1, 3))
+    vertices = np.asarray(nearest, dtype=np.int64)
+    return Analysis(mesh, resampled, segmentation, found, vertices, distances.warnings)
+
+
+def landmark_records(analysis: Analysis) -> list[Landmark]:
+    found = analysis.landmarks
+    return [
+        Landmark(
+            id=number,
+            vertex=int(analysis.landmark_vertices[number]),
+            position_mm=found.position_mm[number].tolist(),
+            normal=found.normal[number].tolist(),
+            segment=int(found.segment[number]),
+            t2=float(found.t2[number]),
+            strength=float(found.strength[number]),
+        )
+        for number in range(len(found.vertex))
+    ]
+
+
+def segments_record(analysis: Analysis, settings: Settings) -> Segments:
+    """Centres are given as the cleaned mesh's nearest vertex; `size` counts cleaned vertices."""
+    segmentation = analysis.segmentation
+    positions = analysis.resampled.mesh.vertices[segmentation.centres]
+    _, vertices = cKDTree(analysis.mesh.vertices).query(positions)
+    sizes = np.bincount(
+        segmentation.labels[analysis.resampled.working_of_clean], minlength=len(segmentation.centres)
+    )
+    return Segments(
+        count=len(segmentation.centres),
+        metric=settings.geodesics.metric,
+        density=settings.segmentation.density,
+        d_c=segmentation.d_c_mm,
+        halo_fraction=float(segmentation.halo.mean()),
+        limit_share=analysis.landmarks.limit_share,
+        centres=[
+            Centre(
+                segment=number,
+                vertex=int(vertices[number]),
+                position_mm=positions[number].tolist(),
+                rho=float(segmentation.rho[centre]),
+                delta=float(segmentation.delta[centre]),
+                size=int(sizes[number]),
+            )
+            for number, centre in enumerate(segmentation.centres)
+        ],
+    )

@@ -1,0 +1,142 @@
+"""From what the stages know to what a client reads: each function fills one part of `outcome.RegistrationResult`."""
+
+from importlib.metadata import version
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.kernels import rigid
+from pipeline.kernels.surface import Surface
+from pipeline.mesh import FloatArray, Mesh
+from pipeline.outcome import (
+    Alternative,
+    Input,
+    Inputs,
+    Match,
+    Metrics,
+    Note,
+    Observability,
+    Provenance,
+    Scale,
+    Transform,
+)
+from pipeline.settings import Settings
+from pipeline.stages.clean import Cleaned
+from pipeline.stages.landmarks import LandmarkSet
+from pipeline.stages.load import Loaded
+from pipeline.stages.matching import Matching
+from pipeline.stages.registration import Registration, fit
+
+_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scipy", "trimesh")
+
+
+def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded) -> Transform:
+    R, t = T_design_scan[:3, :3], T_design_scan[:3, 3]
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    quaternion = np.array([w, x, y, z]) * (-1.0 if w < 0 else 1.0)
+    # p_design_file = p_design_mm / mm_per_unit(design), p_scan_mm = p_scan_file * mm_per_unit(scan)
+    file_to_file = T_design_scan.copy()
+    file_to_file[:3, :3] *= scan.mm_per_unit / design.mm_per_unit
+    file_to_file[:3, 3] /= design.mm_per_unit
+    return Transform(
+        matrix=T_design_scan.tolist(),
+        det=float(np.linalg.det(R)),
+        rotation_deg=rigid.angle_deg(T_design_scan),
+        quaternion_wxyz=quaternion.tolist(),
+        translation_mm=t.tolist(),
+        matrix_file_to_file=file_to_file.tolist(),
+    )
+
+
+def alternatives(registration: Registration, scan: Mesh, design: Surface, *, rejected: bool) -> list[Alternative]:
+    """The other poses refined to the end, best first; of a `no_match` also the best pose, which was rejected."""
+    poses = [*([registration.best] if rejected else []), *registration.rivals]
+    best = registration.best.cost_mm2
+    return [
+        Alternative(
+            matrix=pose.T_design_scan.tolist(),
+            score=pose.cost_mm2 / best if best > 0 else 1.0,
+            rmse_mm=fit(scan, design, pose.T_design_scan, registration.inlier_distance_mm).rmse_mm,
+            symmetry_of_design=None,
+        )
+        for pose in poses
+    ]
+
+
+def metrics(registration: Registration, *, found: bool) -> Metrics:
+    """What depends on the final transform is null when there is none."""
+    under_final, rmse_landmarks = registration.fit, registration.rmse_landmarks_mm
+    rmse_complete = registration.rmse_complete_mm
+    return Metrics(
+        rmse_initial_mm=registration.rmse_initial_mm,
+        rmse_landmarks_mm=rmse_landmarks,
+        rmse_complete_mm=rmse_complete,
+        k_ratio=rmse_complete / rmse_landmarks if rmse_landmarks else None,
+        rmse_mm=under_final.rmse_mm if found else None,
+        inlier_rmse_mm=under_final.inlier_rmse_mm if found else None,
+        inlier_distance_mm=registration.inlier_distance_mm,
+        fitness=under_final.fitness if found else None,
+        scan_overlap=under_final.overlap if found else None,
+        design_coverage=registration.design_coverage if found else None,
+        iterations=registration.best.iterations,
+        converged=registration.best.converged,
+    )
+
+
+def matches(matching: Matching, design: LandmarkSet, scan: LandmarkSet, T_design_scan: FloatArray) -> list[Match]:
+    placed = rigid.transformed(T_design_scan, scan.position_mm[matching.scan])
+    residual_mm = np.linalg.norm(placed - design.position_mm[matching.design], axis=1)
+    return [
+        Match(design=int(i), scan=int(j), residual_mm=float(r))
+        for i, j, r in sorted(zip(matching.design, matching.scan, residual_mm, strict=True))
+    ]
+
+
+def observability(registration: Registration) -> Observability:
+    smallest, largest = float(registration.eigenvalues[0]), float(registration.eigenvalues[-1])
+    return Observability(
+        eigenvalues=registration.eigenvalues.tolist(),
+        condition_number=largest / smallest if smallest > 0 else None,
+        free_motions=None,
+    )
+
+
+def scale(registration: Registration) -> Scale:
+    return Scale(isotropic=registration.isotropic_scale, per_axis=None, warp_mm=None, unit_factor=None)
+
+
+def input_record(loaded: Loaded, cleaned: Cleaned) -> Input:
+    return Input(
+        sha256=loaded.sha256,
+        format=loaded.format.value,
+        unit=loaded.unit,
+        mm_per_unit=loaded.mm_per_unit,
+        cleaning=cleaned.report,
+    )
+
+
+def input_warnings(design: Cleaned, scan: Cleaned) -> list[Note]:
+    """What cleaning did that a person should look at."""
+    notes = []
+    for name, cleaned in (("design", design), ("scan", scan)):
+        dropped = int(cleaned.report.get("non_manifold_faces", 0))
+        if dropped:
+            detail = f"{name}: {dropped} triangles at edges shared by more than two were dropped"
+            notes.append(Note(code="non_manifold", detail=detail))
+        if cleaned.report.get("turned_faces", 0):
+            detail = f"{name}: {cleaned.report['turned_faces']} triangles faced the wrong way and were turned"
+            notes.append(Note(code="turned_faces", detail=detail))
+        if cleaned.mesh.is_cloud:
+            detail = f"{name}: points without triangles; a surface was laid through them for the analysis only"
+            notes.append(Note(code="point_cloud", detail=detail))
+    return notes
+
+
+def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:
+    return Provenance(
+        inputs=inputs,
+        version=version("cusp"),
+        libraries={name: version(name) for name in _LIBRARIES},
+        settings=settings.model_dump(mode="json"),
+        seed=seed,
+    )

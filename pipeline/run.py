@@ -1,0 +1,107 @@
+"""The story: a scan is registered to its design, stage by stage, as in the paper.
+
+geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -> landmark-seeded ICP -> deviation
+"""
+
+from pathlib import Path
+
+from pipeline import records
+from pipeline.analysis import Scales, analyse, landmark_records, read, segments_record
+from pipeline.door import MeshFile
+from pipeline.kernels.surface import Surface
+from pipeline.outcome import Inputs, Landmarks, RegistrationResult, SegmentsPair
+from pipeline.progress import OnProgress, Stage
+from pipeline.settings import Settings
+from pipeline.stages import report
+from pipeline.stages.deviation import deviation
+from pipeline.stages.matching import Side, match
+from pipeline.stages.registration import register
+from pipeline.verdict import judge
+from pipeline.watch import Watch
+
+
+def run_registration(
+    design_file: MeshFile,
+    scan_file: MeshFile,
+    *,
+    settings: Settings,
+    tolerance_mm: float | None,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+) -> RegistrationResult:
+    """See `pipeline.register`."""
+    watch = Watch(on_progress)
+    loaded_design, clean_design = read(design_file, "design", settings, watch, needs_surface=True)
+    loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
+
+    scales = Scales.of(clean_design.mesh, settings)
+    design = analyse(clean_design.mesh, "design", scales, settings, watch)
+    scan = analyse(clean_scan.mesh, "scan", scales, settings, watch)
+
+    with watch.stage(Stage.MATCHING):
+        matching = match(
+            Side(design.resampled.mesh, design.landmarks),
+            Side(scan.resampled.mesh, scan.landmarks),
+            scales.radius_mm,
+            settings.matching,
+            seed,
+        )
+    surface = Surface(design.mesh)
+    with watch.stage(Stage.REGISTRATION):
+        registration = register(scan.mesh, surface, matching, settings.registration, seed)
+        verdict = judge(registration, matching, design.mesh.diagonal_mm, settings.registration)
+    found = verdict.status == "ok"
+    with watch.stage(Stage.DEVIATION):
+        segment_of_face = design.segmentation.labels[design.resampled.working_of_clean[design.mesh.faces[:, 0]]]
+        measured = deviation(
+            scan.mesh, surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation
+        )
+
+    T_design_scan = registration.best.T_design_scan
+    landmarks = Landmarks(
+        design=landmark_records(design),
+        scan=landmark_records(scan),
+        matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if found else [],
+    )
+    files: list[str] = []
+    if out is not None:
+        with watch.stage(Stage.REPORT):
+            out.mkdir(parents=True, exist_ok=True)
+            if settings.report.write_files:
+                for name, analysis in (("design", design), ("scan", scan)):
+                    report.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
+                    report.write_vertices(out / f"{name}.vertices.csv", analysis)
+                    files += [f"{name}.clean.ply", f"{name}.vertices.csv"]
+                report.write_landmarks(out / "landmarks.csv", landmarks)
+                files.append("landmarks.csv")
+                if found:
+                    report.write_mesh(out / "aligned.ply", scan.mesh.moved(T_design_scan))
+                    files.append("aligned.ply")
+            files.append("results.json")
+
+    result = RegistrationResult(
+        verdict=verdict,
+        transform=records.transform(T_design_scan, loaded_design, loaded_scan) if found else None,
+        alternatives=records.alternatives(registration, scan.mesh, surface, rejected=not found),
+        metrics=records.metrics(registration, found=found),
+        landmarks=landmarks,
+        segments=SegmentsPair(design=segments_record(design, settings), scan=segments_record(scan, settings)),
+        deviation=measured.summary if found else None,
+        observability=records.observability(registration) if found else None,
+        scale=records.scale(registration) if found else None,
+        provenance=records.provenance(
+            Inputs(
+                design=records.input_record(loaded_design, clean_design),
+                scan=records.input_record(loaded_scan, clean_scan),
+            ),
+            settings,
+            seed,
+        ),
+        timings_s=watch.timings_s(),
+        files=sorted(files),
+        warnings=[*design.warnings, *scan.warnings, *records.input_warnings(clean_design, clean_scan)],
+    )
+    if out is not None:
+        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return result

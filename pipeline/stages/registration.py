@@ -1,0 +1,192 @@
+"""From seeds to the final pose: ICP on the exact design surface, and what the result is worth in numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.similarity import isotropic_scale
+from pipeline.kernels.surface import Closest, Surface
+from pipeline.mesh import FloatArray, Mesh
+from pipeline.settings import RegistrationSettings
+from pipeline.stages.matching import Matching
+
+MAX_RIVALS = 3
+RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
+COMPLETE_POINTS = 2_000
+COVERAGE_POINTS = 10_000
+TOLERANCE_SHARE = 1e-7  # of the diagonal: ICP steps below this move nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """T_design_scan; cost_mm2 : mean squared distance truncated at the inlier distance"""
+
+    T_design_scan: FloatArray
+    cost_mm2: float
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How the cleaned scan lies on the design under one pose.
+
+    closest : of every scan vertex; rmse_mm : weighted RMS of all distances, untrimmed; fitness : share of the
+    scan within the inlier distance; overlap : the same, not on an open border of the design
+    """
+
+    closest: Closest
+    moved: FloatArray
+    rmse_mm: float
+    inlier_rmse_mm: float | None
+    fitness: float
+    overlap: float
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """best : the final pose; rivals : other distinct poses refined to the end, by cost; fit : under the best.
+
+    rmse_* as in `outcome.Metrics`; eigenvalues : (6,) of the point-to-plane Hessian, ascending
+    """
+
+    best: Pose
+    rivals: tuple[Pose, ...]
+    fit: Fit
+    seed: str
+    inlier_distance_mm: float
+    rmse_initial_mm: float
+    rmse_landmarks_mm: float | None
+    rmse_complete_mm: float
+    design_coverage: float
+    eigenvalues: FloatArray
+    isotropic_scale: float | None
+
+
+def register(
+    scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int
+) -> Registration:
+    """Landmarks seed, ICP refines (point to plane on the exact surface), the lowest truncated cost is the pose.
+
+    The seed is the fit of the matched landmarks when it lies at least as well as the best hypothesis, else that.
+    """
+    diagonal = design.mesh.diagonal_mm
+    inlier = settings.inlier_share * diagonal
+    points, normals = _scan_points(scan, settings.sample_points, seed)
+    equal = np.full(len(points), 1.0 / len(points))
+
+    def cost(T: FloatArray) -> float:
+        distance = design.closest(rigid.transformed(T, points)).distance
+        return float(np.mean(np.minimum(distance, inlier) ** 2))
+
+    def refined(T: FloatArray, facing: float) -> Pose:
+        done = icp.refine(
+            points,
+            None if normals is None else facing * normals,
+            equal,
+            design,
+            T,
+            max_distance_mm=inlier,
+            max_iterations=settings.max_iterations,
+            tolerance_mm=TOLERANCE_SHARE * diagonal,
+        )
+        return Pose(done.T_target_source, cost(done.T_target_source), done.converged, done.iterations)
+
+    first = matching.hypotheses[0]
+    seeds = [(first.T_design_scan, first.facing, first.source)]
+    if matching.T_landmarks is not None and cost(matching.T_landmarks) <= 2 * cost(first.T_design_scan):
+        seeds[0] = (matching.T_landmarks, first.facing, "landmarks")
+    seeds += [
+        (rival.T_design_scan, rival.facing, rival.source)
+        for rival in matching.hypotheses[1 : 1 + MAX_RIVALS]
+        if rival.cost_mm2 <= RIVAL_COST * max(first.cost_mm2, 1e-12 * diagonal**2)
+    ]
+    found = [(refined(T, facing), source) for T, facing, source in seeds]
+    found.sort(key=lambda pair: pair[0].cost_mm2)  # stable: of equal ones the earlier hypothesis
+    best, source = found[0]
+    rivals = tuple(
+        pose
+        for pose, _ in found[1:]
+        if rigid.rms_displacement(pose.T_design_scan, best.T_design_scan, points) > 0.02 * diagonal
+    )
+    complete = _complete(scan, design, settings, diagonal, seed)
+    final = fit(scan, design, best.T_design_scan, inlier)
+    T_landmarks = matching.T_landmarks
+    return Registration(
+        best=best,
+        rivals=rivals,
+        fit=final,
+        seed=source,
+        inlier_distance_mm=inlier,
+        rmse_initial_mm=fit(scan, design, np.eye(4), inlier).rmse_mm,
+        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, design, T_landmarks, inlier).rmse_mm,
+        rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
+        design_coverage=_coverage(scan.moved(best.T_design_scan), design.mesh, inlier, seed),
+        eigenvalues=observability(final, scan.weights(), inlier),
+        isotropic_scale=isotropic_scale(points, equal, design, best.T_design_scan, inlier),
+    )
+
+
+def fit(scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float) -> Fit:
+    """Every vertex of the cleaned scan against the exact design surface, area-weighted (a cloud: 1 a point)."""
+    weights = scan.weights()
+    moved = rigid.transformed(T_design_scan, scan.vertices)
+    closest = design.closest(moved)
+    squared = closest.distance**2
+    inside = closest.distance <= inlier_distance_mm
+    share = float(weights[inside].sum())
+    return Fit(
+        closest,
+        moved,
+        rmse_mm=float(np.sqrt((weights * squared).sum())),
+        inlier_rmse_mm=float(np.sqrt((weights * squared)[inside].sum() / share)) if share > 0 else None,
+        fitness=min(1.0, share),
+        overlap=min(1.0, float(weights[inside & ~design.on_open_border(closest)].sum())),
+    )
+
+
+def observability(fit: Fit, weights: FloatArray, inlier_distance_mm: float) -> FloatArray:
+    """(6,) eigenvalues, ascending, of the mean point-to-plane Hessian over the inliers, at their centroid.
+
+    Rotations are scaled by the RMS radius, so all six are pure numbers that sum to about 2; one near zero is a
+    motion the surfaces do not notice (Bonnabel, Barczyk, Goulette 2016, for the closed form).
+    """
+    w = weights * (fit.closest.distance <= inlier_distance_mm)
+    if not w.any():
+        return np.zeros(6)
+    w = w / w.sum()
+    arm = fit.moved - (w[:, None] * fit.moved).sum(axis=0)
+    radius = float(np.sqrt((w * (arm**2).sum(axis=1)).sum()))
+    J = np.concatenate([np.cross(arm, fit.closest.normal) / max(radius, 1e-300), fit.closest.normal], axis=1)
+    return np.maximum(np.linalg.eigvalsh(np.einsum("k,ki,kj->ij", w, J, J)), 0.0)
+
+
+def _scan_points(scan: Mesh, count: int, seed: int) -> tuple[FloatArray, FloatArray | None]:
+    """Points for the ICP, each for the same share of the scan; a cloud has no normals to compare."""
+    if scan.is_cloud:
+        chosen = np.random.default_rng(seed).permutation(len(scan.vertices))[:count]
+        return scan.vertices[np.sort(chosen)], None
+    samples = sampling.on_surface(scan, count, seed)
+    return samples.points, samples.normals
+
+
+def _complete(
+    scan: Mesh, design: Surface, settings: RegistrationSettings, diagonal: float, seed: int
+) -> FloatArray:
+    """T_design_scan of plain ICP from the uploaded pose, without landmarks: the comparison for K."""
+    points, _ = _scan_points(scan, COMPLETE_POINTS, seed)
+    equal = np.full(len(points), 1.0 / len(points))
+    return icp.complete_shape(
+        points, equal, design, max_iterations=settings.max_iterations, tolerance_mm=TOLERANCE_SHARE * diagonal
+    ).T_target_source
+
+
+def _coverage(scan_in_design: Mesh, design: Mesh, inlier_distance_mm: float, seed: int) -> float:
+    samples = sampling.on_surface(design, COVERAGE_POINTS, seed).points
+    if scan_in_design.is_cloud:
+        distance, _ = cKDTree(scan_in_design.vertices).query(samples)
+    else:
+        distance = Surface(scan_in_design).closest(samples).distance
+    return float(np.mean(distance <= inlier_distance_mm))
