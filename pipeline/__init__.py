@@ -7,11 +7,11 @@
 Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first call that computes.
 """
 
+from pipeline.door import MeshFile, preload, register
 from pipeline.errors import PipelineError
 from pipeline.formats import HEAD_BYTES, Format, detect_format
 from pipeline.outcome import RegistrationResult
 from pipeline.progress import OnProgress, Progress, Stage
-from pipeline.door import MeshFile, preload, register
 from pipeline.settings import Settings, Unit
 
 __all__ = [

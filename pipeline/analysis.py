@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.door import MeshFile
+from pipeline.kernels.nearest import nearest
 from pipeline.mesh import IndexArray, Mesh
 from pipeline.outcome import Centre, Landmark, Note, Segments
 from pipeline.progress import Stage
@@ -31,7 +31,8 @@ class Scales:
     def of(cls, design: Mesh, settings: Settings) -> "Scales":
         area = float(design.face_areas_mm2().sum())
         return cls(
-            working_edge_mm(area, settings.resample.target_vertices), features_radius_mm(area, settings.features)
+            working_edge_mm(area, settings.resample.target_vertices),
+            features_radius_mm(area, settings.features),
         )
 
 
@@ -71,8 +72,7 @@ def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Wa
         measured = features(working, distances.solver, scales.radius_mm, settings.features)
     with watch.stage(Stage.LANDMARKS, name):
         found = landmarks(working, segmentation, measured, settings.landmarks)
-    _, nearest = cKDTree(mesh.vertices).query(found.position_mm.reshape(-1, 3))
-    vertices = np.asarray(nearest, dtype=np.int64)
+    _, vertices = nearest(mesh.vertices, found.position_mm)
     return Analysis(mesh, resampled, segmentation, found, vertices, distances.warnings)
 
 
@@ -96,10 +96,8 @@ def segments_record(analysis: Analysis, settings: Settings) -> Segments:
     """Centres are given as the cleaned mesh's nearest vertex; `size` counts cleaned vertices."""
     segmentation = analysis.segmentation
     positions = analysis.resampled.mesh.vertices[segmentation.centres]
-    _, vertices = cKDTree(analysis.mesh.vertices).query(positions)
-    sizes = np.bincount(
-        segmentation.labels[analysis.resampled.working_of_clean], minlength=len(segmentation.centres)
-    )
+    _, vertices = nearest(analysis.mesh.vertices, positions)
+    sizes = np.bincount(segmentation.labels[analysis.resampled.working_of_clean], minlength=len(segmentation.centres))
     return Segments(
         count=len(segmentation.centres),
         metric=settings.geodesics.metric,

@@ -57,11 +57,11 @@ class Mesh:
     def face_cross_mm2(self) -> FloatArray:
         """(m, 3) cross product of two edges of each face: twice the area, along the normal."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.cross(b - a, c - a)
+        return np.asarray(np.cross(b - a, c - a), dtype=np.float64)
 
     def face_areas_mm2(self) -> FloatArray:
         """(m,) triangle areas."""
-        return 0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1)
+        return np.asarray(0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1), dtype=np.float64)
 
     def vertex_areas_mm2(self) -> FloatArray:
         """(n,) lumped (barycentric) areas: a third of the incident triangles; sums to the area of the mesh."""
@@ -82,7 +82,8 @@ class Mesh:
         flat = self.faces.ravel()
         summed = np.stack([np.bincount(flat, weights=cross[:, k], minlength=len(self.vertices)) for k in range(3)], 1)
         length = np.linalg.norm(summed, axis=1, keepdims=True)
-        return np.divide(summed, length, out=np.zeros_like(summed), where=length > 0)
+        unit: FloatArray = np.divide(summed, length, out=np.zeros_like(summed), where=length > 0)
+        return unit
 
     def moved(self, T_target_mesh: FloatArray) -> "Mesh":
         """The same mesh in another frame: `p_target = T_target_mesh @ p`."""

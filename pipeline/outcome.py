@@ -78,11 +78,9 @@ class Metrics(Record):
     inlier_distance_mm: float
     fitness: float | None = Field(description="area share of the scan within inlier_distance_mm of the design")
     scan_overlap: float | None = Field(
-        description="area share of the scan whose closest design point is within inlier_distance_mm and off open borders"
+        description="area share of the scan within inlier_distance_mm, its closest design point not on an open border"
     )
-    design_coverage: float | None = Field(
-        description="area share of the design within inlier_distance_mm of the scan"
-    )
+    design_coverage: float | None = Field(description="area share of the design within inlier_distance_mm of the scan")
     iterations: int
     converged: bool
 

@@ -54,9 +54,7 @@ def run_registration(
     found = verdict.status == "ok"
     with watch.stage(Stage.DEVIATION):
         segment_of_face = design.segmentation.labels[design.resampled.working_of_clean[design.mesh.faces[:, 0]]]
-        measured = deviation(
-            scan.mesh, surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation
-        )
+        measured = deviation(scan.mesh, surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation)
 
     T_design_scan = registration.best.T_design_scan
     landmarks = Landmarks(

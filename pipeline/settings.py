@@ -25,7 +25,10 @@ class LoadSettings(Section):
 
 class CleanSettings(Section):
     weld_share: float = Field(
-        1e-6, ge=0, le=1e-3, description="border vertices this close (share of the diagonal) are one; 0 is off"
+        1e-6,
+        ge=0,
+        le=1e-3,
+        description="border vertices this close (share of the diagonal) are one; 0 is off",
     )
     repair_non_manifold: bool = Field(True, description="remove faces at edges that more than two faces share")
     min_component_share: float = Field(
@@ -36,7 +39,10 @@ class CleanSettings(Section):
 class ResampleSettings(Section):
     enabled: bool = Field(True, description="analyse an isotropic working mesh instead of the file's triangles")
     target_vertices: int = Field(
-        4000, ge=200, le=200_000, description="vertices of the design's working mesh; the scan gets the same edge length"
+        4000,
+        ge=200,
+        le=200_000,
+        description="vertices of the design's working mesh; the scan gets the same edge length",
     )
     iterations: int = Field(5, ge=1, le=50, description="passes of isotropic remeshing")
     max_scan_ratio: float = Field(
@@ -56,9 +62,7 @@ class SegmentationSettings(Section):
         "area", description="what eq. 1 counts inside d_c: vertices (paper) or the area they stand for"
     )
     n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
-    delta_min_dc: float = Field(
-        1.5, ge=0, description="automatic rule: a centre has delta of at least this many d_c"
-    )
+    delta_min_dc: float = Field(1.5, ge=0, description="automatic rule: a centre has delta of at least this many d_c")
     rho_min_share: float = Field(
         0.5, ge=0, le=1, description="automatic rule: and rho of at least this share of the median rho"
     )
@@ -70,7 +74,8 @@ class SegmentationSettings(Section):
 
 class FeaturesSettings(Section):
     kind: Literal["physical", "integrated"] = Field(
-        "physical", description="curvatures averaged over radius (default) or PyMesh's integrated ones (paper)"
+        "physical",
+        description="curvatures averaged over radius (default) or PyMesh's integrated ones (paper)",
     )
     radius_share: float = Field(
         0.045, gt=0, lt=0.5, description="averaging radius as a share of sqrt(area of the design)"
@@ -86,15 +91,19 @@ class LandmarksSettings(Section):
     include_halo: bool = Field(True, description="use halo vertices for the PCA and as landmarks (paper: false)")
     min_segment_vertices: int = Field(30, ge=8, description="smaller segments get no landmarks")
     border_distance_radii: float = Field(
-        1.0, ge=0, description="no landmark closer to an open border than this many feature radii; 0 is off (paper)"
+        1.0,
+        ge=0,
+        description="no landmark closer to an open border than this many feature radii; 0 is off (paper)",
     )
     spacing_radii: float = Field(
-        1.0, ge=0, description="of landmarks within this many feature radii the strongest stays; 0 is off (paper)"
+        1.0,
+        ge=0,
+        description="of landmarks within this many feature radii the strongest stays; 0 is off (paper)",
     )
     min_relief: float = Field(
         0.02,
         ge=0,
-        description="a segment whose mean-curvature spread times the feature radius is below this is flat: no landmarks",
+        description="a segment whose spread of mean curvature times feature radius is below this gets no landmarks",
     )
 
 
@@ -113,9 +122,12 @@ class RegistrationSettings(Section):
         0.02, gt=0, lt=0.5, description="inlier distance as a share of the diagonal of the design"
     )
     max_iterations: int = Field(100, ge=1, le=10_000)
-    sample_points: int = Field(20_000, ge=500, description="scan points the final ICP uses")
+    sample_points: int = Field(10_000, ge=500, description="scan points the final ICP uses")
     min_fitness: float = Field(
-        0.75, ge=0, le=1, description="verdict no_match when a smaller share of the scan lies within the inlier distance"
+        0.75,
+        ge=0,
+        le=1,
+        description="verdict no_match when less of the scan lies within the inlier distance",
     )
     max_residual_share: float = Field(
         0.006, gt=0, description="verdict no_match when the inlier RMSE is above this share of the diagonal"

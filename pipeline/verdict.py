@@ -26,8 +26,8 @@ def judge(
         findings.append(
             Finding(
                 code="low_fitness",
-                detail=f"{fit.fitness:.0%} of the scan lies within {registration.inlier_distance_mm:.3g} mm of the design; "
-                f"{settings.min_fitness:.0%} are needed",
+                detail=f"{fit.fitness:.0%} of the scan lies within {registration.inlier_distance_mm:.3g} mm "
+                f"of the design; {settings.min_fitness:.0%} are needed",
                 value=fit.fitness,
             )
         )
@@ -49,7 +49,7 @@ def judge(
             findings.append(
                 Finding(
                     code="rival_pose",
-                    detail="another pose fits almost as well (see alternatives): a symmetric part, or too little surface",
+                    detail="another pose fits almost as well, see alternatives: a symmetric part, or too little to go by",
                     value=second / registration.best.cost_mm2 if registration.best.cost_mm2 > 0 else None,
                 )
             )

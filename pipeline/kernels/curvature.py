@@ -53,6 +53,6 @@ def averaging(mesh: Mesh, near: csr_matrix, radius_mm: float) -> csr_matrix:
     kernel = near.copy()
     kernel.data = np.exp(-2.0 * (near.data / radius_mm) ** 2)
     kernel = kernel + coo_matrix((np.ones(n), (np.arange(n), np.arange(n))), shape=(n, n)).tocsr()
-    weighted = kernel.multiply(areas[None, :]).tocsr()
+    weighted = csr_matrix(kernel.multiply(areas[None, :]))
     total = np.asarray(weighted.sum(axis=1)).ravel()
     return csr_matrix(weighted.multiply(1.0 / total[:, None]))

@@ -61,7 +61,7 @@ def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
         uphill = further
     label = np.full(n + 1, -1, dtype=np.int32)
     label[centres] = np.arange(len(centres), dtype=np.int32)
-    return label[uphill[:n]]
+    return np.asarray(label[uphill[:n]], dtype=np.int32)
 
 
 def halo(near: csr_matrix, d_c: float, rho: FloatArray, labels: IntArray) -> BoolArray:
@@ -76,5 +76,3 @@ def halo(near: csr_matrix, d_c: float, rho: FloatArray, labels: IntArray) -> Boo
     border_rho = np.zeros(int(labels.max(initial=-1)) + 2)  # last: vertices without a cluster
     np.maximum.at(border_rho, labels[pairs.row[across]], rho[pairs.row[across]])
     return np.asarray(rho < border_rho[labels], dtype=np.bool_)
-
-

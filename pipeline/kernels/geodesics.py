@@ -37,7 +37,7 @@ class GeodesicSolver:
 
     def distances(self, source: int) -> FloatArray:
         """(n,) from one vertex to every vertex."""
-        return np.asarray(csgraph.dijkstra(self._graph, directed=False, indices=int(source)), dtype=np.float64)
+        return np.asarray(csgraph.dijkstra(self._graph, directed=False, indices=[int(source)])[0], dtype=np.float64)
 
     def distances_from_set(self, sources: IndexArray) -> FloatArray:
         """(n,) distance to the nearest of `sources`; inf everywhere when there are none."""

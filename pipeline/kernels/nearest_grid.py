@@ -1,9 +1,9 @@
 """A coarse grid that knows the nearest surface sample everywhere: judges thousands of poses in milliseconds."""
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.kernels import rigid
+from pipeline.kernels.nearest import nearest
 from pipeline.mesh import FloatArray
 
 _CELLS = 48  # along the longest side: a cell is about 2 % of the part
@@ -20,15 +20,21 @@ class NearestGrid:
         self._low = low
         axes = [low[k] + self._cell * (np.arange(self._shape[k]) + 0.5) for k in range(3)]
         centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        _, self._nearest = cKDTree(points).query(centres)
+        self._nearest = nearest(points, centres)[1]
         self._points, self._normals = points, normals
 
     def costs(
-        self, T: FloatArray, facing: FloatArray, points: FloatArray, normals: FloatArray, max_distance_mm: float
+        self,
+        T: FloatArray,
+        facing: FloatArray,
+        points: FloatArray,
+        normals: FloatArray,
+        max_distance_mm: float,
     ) -> FloatArray:
         """(h,) mean squared distance to the sample nearest to the cell a point falls in, truncated at
-        max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees; facing : (h,) +1, or -1 to turn
-        the normals of the points over.
+        max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees.
+
+        facing : (h,) +1, or -1 to turn the normals of the points over under that pose
         """
         costs = np.zeros(len(T))
         block = max(1, 2_000_000 // max(1, len(points)))

@@ -15,7 +15,7 @@ def pair_frames(p: FloatArray, q: FloatArray, p_normal: FloatArray, q_normal: Fl
     mean_normal = p_normal + q_normal
     up = mean_normal - np.einsum("kd,kd->k", mean_normal, along)[:, None] * along
     up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
-    return np.stack([along, np.cross(up, along), up], axis=2)
+    return np.asarray(np.stack([along, np.cross(up, along), up], axis=2), dtype=np.float64)
 
 
 def from_oriented_pairs(
@@ -45,7 +45,7 @@ def from_oriented_pairs(
     v = d_design[keep] / l_design[keep][:, None]
 
     def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.einsum("kd,kd->k", a, b)
+        return np.asarray(np.einsum("kd,kd->k", a, b), dtype=np.float64)
 
     disagreement = np.maximum.reduce(
         [
@@ -63,9 +63,7 @@ def from_oriented_pairs(
     return _between(p, q, n, m, i[good], j[good])
 
 
-def _between(
-    p: FloatArray, q: FloatArray, n: FloatArray, m: FloatArray, i: IndexArray, j: IndexArray
-) -> FloatArray:
+def _between(p: FloatArray, q: FloatArray, n: FloatArray, m: FloatArray, i: IndexArray, j: IndexArray) -> FloatArray:
     F_scan = pair_frames(p[i], p[j], n[i], n[j])
     F_design = pair_frames(q[i], q[j], m[i], m[j])
     R = np.einsum("kia,kja->kij", F_design, F_scan)

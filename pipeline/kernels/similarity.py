@@ -10,7 +10,11 @@ _ITERATIONS = 12
 
 
 def isotropic_scale(
-    points: FloatArray, weights: FloatArray, surface: Surface, T_target_source: FloatArray, max_distance_mm: float
+    points: FloatArray,
+    weights: FloatArray,
+    surface: Surface,
+    T_target_source: FloatArray,
+    max_distance_mm: float,
 ) -> float | None:
     """Size of the source over the size of the target: 0.996 for a print 0.4 % too small.
 

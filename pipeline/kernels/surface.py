@@ -68,7 +68,8 @@ class Surface:
         corner = self.mesh.faces[found.face, found.weights.argmax(axis=1)]
         opposite = self._edges.of_face[found.face, zero.argmax(axis=1)]
         at_edge = zero.sum(axis=1) == 1
-        return (at_vertex & border_vertex[corner]) | (at_edge & border_edge[opposite])
+        found_on_border: BoolArray = (at_vertex & border_vertex[corner]) | (at_edge & border_edge[opposite])
+        return found_on_border
 
     def _pseudonormal(self, found: Closest) -> FloatArray:
         """(k, 3) not normalised: of the face, the sum over an edge's faces, or a vertex's faces by angle."""
@@ -95,9 +96,10 @@ def corner_angles(mesh: Mesh) -> FloatArray:
     corners = mesh.vertices[mesh.faces]
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners
-    return np.arctan2(
+    angles: FloatArray = np.arctan2(
         np.linalg.norm(np.cross(to_next, to_last), axis=2), np.einsum("mcd,mcd->mc", to_next, to_last)
     )
+    return angles
 
 
 def closest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:
@@ -110,13 +112,15 @@ def closest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:
     ab, ac, ap, bp, cp = b - a, c - a, points - a, points - b, points - c
 
     def dot(u: FloatArray, v: FloatArray) -> FloatArray:
-        return np.einsum("kd,kd->k", u, v)
+        product: FloatArray = np.einsum("kd,kd->k", u, v)
+        return product
 
     d1, d2, d3, d4, d5, d6 = dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
 
     def ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
-        return np.divide(part, whole, out=np.zeros_like(part), where=whole != 0)
+        quotient: FloatArray = np.divide(part, whole, out=np.zeros_like(part), where=whole != 0)
+        return quotient
 
     zero, one = np.zeros_like(va), np.ones_like(va)
     on_ab, on_ac = ratio(d1, d1 - d3), ratio(d2, d2 - d6)

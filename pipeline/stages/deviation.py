@@ -100,4 +100,6 @@ def weighted_quantiles(values: FloatArray, weights: FloatArray, q: FloatArray) -
     order = np.argsort(values, kind="stable")
     order = order[weights[order] > 0]
     reached = np.cumsum(weights[order])
-    return values[order[np.minimum(np.searchsorted(reached, q * reached[-1]), len(order) - 1)]]
+    return np.asarray(
+        values[order[np.minimum(np.searchsorted(reached, q * reached[-1]), len(order) - 1)]], dtype=np.float64
+    )

@@ -43,26 +43,21 @@ def features(mesh: Mesh, solver: GeodesicSolver, radius_mm: float, settings: Fea
     """
     areas = mesh.vertex_areas_mm2()
     laplacian = curvature.integrated_laplacian(mesh)
-    border = topology.border_vertices(mesh.faces, len(areas))
-    averaging = curvature.averaging(mesh, solver.within(radius_mm), radius_mm)
-    inner = np.where(border, 0.0, 1.0)
-    share = np.maximum(averaging @ inner, 1e-12)
-
-    def averaged(integrated: FloatArray) -> FloatArray:
-        pointwise = (integrated * inner.reshape(-1, *[1] * (integrated.ndim - 1))) / areas.reshape(
-            -1, *[1] * (integrated.ndim - 1)
-        )
-        return np.asarray(averaging @ pointwise, dtype=np.float64) / share.reshape(-1, *[1] * (integrated.ndim - 1))
-
     convexity = -0.5 * np.einsum("nd,nd->n", laplacian, mesh.vertex_normals())
-    mean = averaged(convexity)
+    gaussian = curvature.angle_defect(mesh, border_correction=True)
+
+    inner = ~topology.border_vertices(mesh.faces, len(areas))
+    averaging = curvature.averaging(mesh, solver.within(radius_mm), radius_mm)
+    pointwise = np.column_stack([convexity, gaussian, laplacian]) * (inner / areas)[:, None]
+    share_inner = np.maximum(averaging @ inner.astype(np.float64), 1e-12)
+    averaged = np.asarray(averaging @ pointwise, dtype=np.float64) / share_inner[:, None]
+
     if settings.kind == "integrated":
         defect = curvature.angle_defect(mesh, border_correction=False)
         values = np.column_stack([areas, 0.5 * np.linalg.norm(laplacian, axis=1), defect, laplacian])
     else:
-        gaussian = averaged(curvature.angle_defect(mesh, border_correction=True))
-        values = np.column_stack([_ball_area(mesh, areas, radius_mm), mean, gaussian, averaged(laplacian)])
-    return Features(values, radius_mm, _border_distance(mesh, solver), mean)
+        values = np.column_stack([_ball_area(mesh, areas, radius_mm), averaged])
+    return Features(values, radius_mm, _border_distance(mesh, solver), averaged[:, 0])
 
 
 def _ball_area(mesh: Mesh, areas: FloatArray, radius_mm: float) -> FloatArray:

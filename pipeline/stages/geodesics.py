@@ -33,6 +33,9 @@ def geodesics(mesh: Mesh, name: str, quantile: float) -> Geodesics:
         rows = [solver.distances(int(first)) for first in firsts]
         d_c = max(float(row[np.isfinite(row)].max()) for row in rows)
         warnings.append(
-            Note(code="many_components", detail=f"{name}: {len(firsts)} pieces; d_c is the largest finite distance")
+            Note(
+                code="many_components",
+                detail=f"{name}: {len(firsts)} pieces; d_c is the largest finite distance",
+            )
         )
     return Geodesics(solver, d_c, tuple(warnings))

@@ -32,9 +32,7 @@ class LandmarkSet:
     limit_share: float
 
 
-def landmarks(
-    mesh: Mesh, segmentation: Segmentation, features: Features, settings: LandmarksSettings
-) -> LandmarkSet:
+def landmarks(mesh: Mesh, segmentation: Segmentation, features: Features, settings: LandmarksSettings) -> LandmarkSet:
     """Eq. 3 in every segment: T^2 = t1^2 / lambda1 + t2^2 / lambda2 against A (n^2 - 1) / (n (n - A)) F_alpha.
 
     The default leaves out a zone along open borders (their curvature is false), gives none in a segment without
@@ -76,10 +74,11 @@ def scaled(values: FloatArray, standardize: bool) -> FloatArray:
     """
     centred = values - values.mean(axis=0)
     if not standardize:
-        return centred
+        return np.asarray(centred, dtype=np.float64)
     spread = centred.std(axis=0)
     spread[3:] = np.sqrt(np.mean(spread[3:] ** 2))
-    return np.divide(centred, spread, out=np.zeros_like(centred), where=spread > 0)
+    unit_free: FloatArray = np.divide(centred, spread, out=np.zeros_like(centred), where=spread > 0)
+    return unit_free
 
 
 def hotelling_t2(centred: FloatArray) -> FloatArray:

@@ -19,19 +19,16 @@ import trimesh
 
 from pipeline.door import MeshFile
 from pipeline.errors import (
-    EmptyFile,
     IndexOutOfRange,
     MeshTooLarge,
     NoSurface,
-    NotFinite,
     PipelineError,
     TruncatedFile,
     UnitUnknown,
-    UnknownFormat,
     UnreadableFile,
 )
 from pipeline.formats import HEAD_BYTES, STL_FACE_BYTES, STL_HEADER_BYTES, Format, detect_format
-from pipeline.mesh import FloatArray, Mesh
+from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
@@ -71,15 +68,15 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
     try:
         _check_announced_size(data, kind, settings)
-        vertices, faces, declared = _parse(data, kind, settings)
+        vertices, faces, declared = _parse(data, kind)
         if len(faces) > settings.max_faces or len(vertices) > settings.max_points:
             raise MeshTooLarge(
                 f"{len(faces)} triangles and {len(vertices)} vertices; the limits are "
                 f"{settings.max_faces} and {settings.max_points}"
             )
         unit, mm_per_unit = _unit(source.unit, declared)
-        mesh = Mesh(vertices * mm_per_unit, faces)
-    except (NotFinite, IndexOutOfRange, PipelineError) as error:
+        mesh = Mesh(vertices * mm_per_unit, faces.astype(np.int32))
+    except PipelineError as error:
         raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
     if mesh.is_cloud and needs_surface:
         raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
@@ -126,10 +123,10 @@ def _check_announced_size(data: bytes, kind: Format, settings: LoadSettings) -> 
             )
 
 
-def _parse(data: bytes, kind: Format, settings: LoadSettings) -> tuple[FloatArray, FloatArray, str | None]:
+def _parse(data: bytes, kind: Format) -> tuple[FloatArray, IndexArray, str | None]:
     """Vertices, faces and the declared unit, by trimesh; whatever its reader raises becomes a clear error."""
     if kind is Format.XYZ:
-        return _parse_xyz(data), np.zeros((0, 3)), None
+        return _parse_xyz(data), np.zeros((0, 3), dtype=np.int64), None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -148,14 +145,15 @@ def _parse(data: bytes, kind: Format, settings: LoadSettings) -> tuple[FloatArra
     meshes = [part for part in parts if isinstance(part, trimesh.Trimesh)]
     clouds = [part for part in parts if isinstance(part, trimesh.PointCloud)]
     vertices, faces = _concatenate(meshes or clouds)
-    _COMPLETENESS.get(kind, lambda *_: None)(data, len(vertices), len(faces))
+    if kind in _COMPLETENESS:
+        _COMPLETENESS[kind](data, len(vertices), len(faces))
     if len(vertices) == 0:
         raise UnreadableFile(f"the {kind} has no triangles and no points")
     declared = "meter" if kind is Format.GLB else scene.units if kind is Format.THREE_MF else None
     return vertices, faces, declared
 
 
-def _concatenate(parts: list[trimesh.Trimesh] | list[trimesh.PointCloud]) -> tuple[FloatArray, FloatArray]:
+def _concatenate(parts: list[trimesh.Trimesh] | list[trimesh.PointCloud]) -> tuple[FloatArray, IndexArray]:
     vertices: list[FloatArray] = [np.zeros((0, 3))]
     faces = [np.zeros((0, 3), dtype=np.int64)]
     count = 0
@@ -181,12 +179,11 @@ def _parse_xyz(data: bytes) -> FloatArray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "input contained no data": said below in our words
-            points = np.loadtxt(
-                io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2
-            )
+            points = np.loadtxt(io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2)
     except ValueError as error:
         raise UnreadableFile(
-            "a line of the XYZ file is not three numbers", remedy="one point a line: x y z, anything after is ignored"
+            "a line of the XYZ file is not three numbers",
+            remedy="one point a line: x y z, anything after is ignored",
         ) from error
     if len(points) == 0:
         raise UnreadableFile("the XYZ file has no points")
@@ -228,5 +225,3 @@ _COMPLETENESS: dict[Format, Callable[[bytes, int, int], None]] = {
     Format.PLY: _check_ply,
     Format.OFF: _check_off,
 }
-
-__all__ = ["EmptyFile", "Loaded", "UnknownFormat", "load"]

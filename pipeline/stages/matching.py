@@ -8,6 +8,7 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from pipeline.kernels import icp, poses, rigid, sampling, topology
+from pipeline.kernels.nearest import k_nearest, nearest
 from pipeline.kernels.nearest_grid import NearestGrid
 from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.settings import MatchingSettings
@@ -90,9 +91,7 @@ def match(design: Side, scan: Side, radius_mm: float, settings: MatchingSettings
 
     pool = _candidates(design, scan, samples.points, probes.points, radius_mm, settings)
     grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
-    cost = grid.costs(
-        pool.T, pool.facing, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal
-    )
+    cost = grid.costs(pool.T, pool.facing, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal)
     pool = best_distinct(pool, cost, settings.max_hypotheses)
     pool, cost = refined(pool, few, COARSE_SHARE, 8)
     pool = best_distinct(pool, cost, FINALISTS)
@@ -180,9 +179,7 @@ def fpfh(mesh: Mesh, radius_mm: float) -> FloatArray:
     """(n, 33) fast point feature histograms (Rusu et al. 2009) at every vertex, over `radius_mm`."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(mesh.vertices)))
     cloud.normals = o3d.utility.Vector3dVector(mesh.vertex_normals())
-    feature = o3d.pipelines.registration.compute_fpfh_feature(
-        cloud, o3d.geometry.KDTreeSearchParamRadius(radius_mm)
-    )
+    feature = o3d.pipelines.registration.compute_fpfh_feature(cloud, o3d.geometry.KDTreeSearchParamRadius(radius_mm))
     return np.ascontiguousarray(np.asarray(feature.data, dtype=np.float64).T)
 
 
@@ -190,23 +187,23 @@ def _nearest_descriptors(
     scan_fpfh: FloatArray, design_fpfh: FloatArray, candidates: int
 ) -> tuple[IndexArray, IndexArray]:
     k = min(candidates, len(design_fpfh))
-    _, found = cKDTree(design_fpfh).query(scan_fpfh, k=list(range(1, k + 1)))
-    return np.repeat(np.arange(len(scan_fpfh)), k), found.ravel().astype(np.int64)
+    return np.repeat(np.arange(len(scan_fpfh)), k), k_nearest(design_fpfh, scan_fpfh, k).ravel()
 
 
-def _with_matches(
-    design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], radius_mm: float
-) -> Matching:
+def _with_matches(design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], radius_mm: float) -> Matching:
     """Landmarks that are each other's nearest under the best pose, within a feature radius."""
     nobody = np.zeros(0, dtype=np.int64)
-    q, p = design.landmarks.position_mm, rigid.transformed(hypotheses[0].T_design_scan, scan.landmarks.position_mm)
+    q, p = (
+        design.landmarks.position_mm,
+        rigid.transformed(hypotheses[0].T_design_scan, scan.landmarks.position_mm),
+    )
     if len(q) == 0 or len(p) == 0:
         return Matching(hypotheses, None, nobody, nobody)
-    distance, to_design = cKDTree(q).query(p)
-    _, to_scan = cKDTree(p).query(q)
+    distance, to_design = nearest(q, p)
+    _, to_scan = nearest(p, q)
     mutual = (to_scan[to_design] == np.arange(len(p))) & (distance <= radius_mm)
     i = np.flatnonzero(mutual)
-    j = to_design[i].astype(np.int64)
+    j = to_design[i]
     T = rigid.fit(scan.landmarks.position_mm[i], q[j]) if _spans_a_plane(q[j], radius_mm) else None
     return Matching(hypotheses, T, j, i)
 
@@ -222,4 +219,4 @@ def _spans_a_plane(points: FloatArray, radius_mm: float) -> bool:
 def _corners(mesh: Mesh) -> FloatArray:
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
-    return low + grid * (high - low)
+    return np.asarray(low + grid * (high - low), dtype=np.float64)

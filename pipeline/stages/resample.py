@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import open3d as o3d
-from scipy.spatial import cKDTree
 
 from pipeline.errors import ResampleFailed
 from pipeline.kernels import remesh
+from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.settings import CleanSettings, ResampleSettings
@@ -62,7 +62,7 @@ def resample(mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings) 
 def nearest_vertices(mesh: Mesh, points: FloatArray) -> IndexArray:
     """(k,) for each point the corner with the largest weight at the closest point of the surface."""
     found = Surface(mesh).closest(points)
-    return mesh.faces[found.face, found.weights.argmax(axis=1)].astype(np.int64)
+    return np.asarray(mesh.faces[found.face, found.weights.argmax(axis=1)], dtype=np.int64)
 
 
 def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
@@ -88,5 +88,5 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
 
 def _near(mesh: Mesh, points: FloatArray, radius_mm: float) -> BoolArray:
     """(m,) faces all of whose corners have a point within `radius_mm`."""
-    distance, _ = cKDTree(points).query(mesh.vertices)
+    distance, _ = nearest(points, mesh.vertices)
     return np.asarray((distance <= radius_mm)[mesh.faces].all(axis=1), dtype=np.bool_)

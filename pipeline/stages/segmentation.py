@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.errors import ComponentsTooSmall
 from pipeline.kernels import density_peaks
+from pipeline.kernels.nearest import nearest
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.settings import SegmentationSettings
 from pipeline.stages.geodesics import Geodesics
@@ -71,7 +71,7 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
     halo = density_peaks.halo(near, d_c, rho, labels)
     homeless = labels < 0
     if homeless.any():
-        _, nearest = cKDTree(mesh.vertices[~homeless]).query(mesh.vertices[homeless])
-        labels[homeless] = labels[~homeless][nearest]
+        _, host = nearest(mesh.vertices[~homeless], mesh.vertices[homeless])
+        labels[homeless] = labels[~homeless][host]
         halo = halo | homeless
     return Segmentation(labels, halo, rho, delta, centres, d_c)
