@@ -65,18 +65,12 @@ def worker(parent: Parent = 0) -> None:
 
 
 @app.command()
-def openapi(
-    out: Annotated[Path, typer.Option(help="where to write it")] = Path("openapi/openapi.json"),
-) -> None:
-    """Write the OpenAPI document."""
-    import json
+def openapi(out: Annotated[Path, typer.Option(help="folder to write to")] = Path("openapi")) -> None:
+    """Write the OpenAPI document and the examples."""
+    from service.openapi import write
 
-    from service.app import create_app
-
-    document = create_app(ServiceSettings.model_construct()).openapi()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-    typer.echo(f"wrote {out}")
+    write(out)
+    typer.echo(f"wrote {out}/openapi.json and {out}/examples")
 
 
 def main() -> None:
@@ -106,8 +100,7 @@ def _settings(**given: object) -> ServiceSettings:
         )
     except ValidationError as error:
         told = "; ".join(
-            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")])
-            for each in error.errors()
+            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")]) for each in error.errors()
         )
         _refuse(told)
 

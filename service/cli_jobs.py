@@ -90,9 +90,7 @@ def submit(
                 task = bar.add_task("waiting", total=100.0)
                 client.wait(
                     job.id,
-                    lambda now: bar.update(
-                        task, completed=now.progress, description=now.message or now.status.value
-                    ),
+                    lambda now: bar.update(task, completed=now.progress, description=now.message or now.status.value),
                 )
             results = client.results(job.id)
             if out is not None:
@@ -108,9 +106,7 @@ def submit(
 
 def demo(
     server: Server = DEFAULT_SERVER,
-    data_dir: Annotated[Path, typer.Option(help="of the service that is started when none runs")] = Path(
-        "cusp-data"
-    ),
+    data_dir: Annotated[Path, typer.Option(help="of the service that is started when none runs")] = Path("cusp-data"),
     out: Annotated[Path, typer.Option(help="folder for the meshes and the results")] = Path("cusp-demo"),
     design: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your design mesh")] = None,
     scan: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your scan mesh")] = None,

@@ -80,9 +80,7 @@ class DbosQueue:
 
     def tickets(self) -> set[str]:
         """See Queue."""
-        active = self._client.list_workflows(
-            status=["ENQUEUED", "PENDING"], load_input=False, load_output=False
-        )
+        active = self._client.list_workflows(status=["ENQUEUED", "PENDING"], load_input=False, load_output=False)
         return {workflow.workflow_id for workflow in active}
 
     def _status(self, job_id: str) -> str | None:

@@ -86,9 +86,7 @@ def _from_json(api: Api, body: bytes) -> JobRow:
     except ValueError as error:
         raise BadRequest(f"the body is not JSON: {error}") from error
     if not isinstance(given, dict):
-        raise InvalidRequest(
-            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")]
-        )
+        raise InvalidRequest("the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")])
     parse_type(given.get("type", "registration"))
     options = parse_options(given.pop("options", {}))
     try:

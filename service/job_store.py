@@ -105,9 +105,7 @@ class JobStore:
 
     def succeed(self, job_id: str, attempt: int, files: list[dict[str, Any]]) -> bool:
         """Publish: from this one UPDATE on, clients see the files of this attempt."""
-        return self._finish(
-            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0
-        )
+        return self._finish(job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0)
 
     def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
         """End the job with its reason."""
@@ -136,9 +134,7 @@ class JobStore:
             return Status.FAILED if self.fail(row.id, row.attempt, crashed) else None
         mine = JobRow.attempt == row.attempt
         values = {**_UNSTARTED, "crashes": row.crashes + 1}
-        return (
-            Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
-        )
+        return Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
 
     def waiting_since(self, before_ms: int) -> Sequence[str]:
         """Ids of accepted jobs created before then, oldest first."""

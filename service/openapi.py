@@ -1,10 +1,14 @@
 """The OpenAPI document: what FastAPI finds, and what it cannot find by itself."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from service.examples import examples
+from service.problems import MEDIA_TYPE as PROBLEM_TYPE
 from service.problems import problems
 from service.routes.jobs import EXTRA_SCHEMAS
 from service.schemas import Problem
@@ -26,6 +30,27 @@ def describe(app: FastAPI) -> None:
     app.openapi = document  # type: ignore[method-assign] # FastAPI's documented way
 
 
+def write(folder: Path) -> None:
+    """Write openapi.json and examples/*.json, and delete examples that are no more."""
+    from service.app import create_app  # which imports this module
+    from service.settings import ServiceSettings
+
+    target = folder / "examples"
+    target.mkdir(parents=True, exist_ok=True)
+    (folder / "openapi.json").write_text(as_text(create_app(ServiceSettings.model_construct()).openapi()))
+    wanted = examples()
+    for path in target.glob("*.json"):
+        if path.name not in wanted and not path.name.startswith("results."):  # those are real results
+            path.unlink()
+    for name, content in wanted.items():
+        (target / name).write_text(as_text(content))
+
+
+def as_text(content: Any) -> str:
+    """JSON as it is committed: readable, and the same every time."""
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
 def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(title=app.title, version=app.version, description=DESCRIPTION, routes=app.routes)
     schemas = document["components"]["schemas"]
@@ -37,7 +62,16 @@ def _document(app: FastAPI) -> dict[str, Any]:
         answers = operation["responses"]
         if "application/json" in answers.get("422", {}).get("content", {}):
             answers["422"] = problems(422)[422]
+        for status, answer in answers.items():
+            if PROBLEM_TYPE in answer.get("content", {}):
+                answer["content"][PROBLEM_TYPE]["examples"] = _problem_examples(int(status))
     for unused in ("HTTPValidationError", "ValidationError"):  # ours are problems
         schemas.pop(unused, None)
     document["components"]["schemas"] = dict(sorted(schemas.items()))
     return document
+
+
+def _problem_examples(status: int) -> dict[str, Any]:
+    """Every problem with this status, by its code."""
+    told = [each for name, each in examples().items() if name.startswith("problem.") and each["status"] == status]
+    return {each["code"]: {"value": each} for each in told}

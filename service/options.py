@@ -20,9 +20,7 @@ LATER_OPTIONS = {
 def parse_type(given: object) -> JobType:
     """The type of a job. Raises UnsupportedType."""
     if given not in JOB_TYPES:
-        raise UnsupportedType(
-            f"type {given!r}: this version only runs {', '.join(JOB_TYPES)}; leave `type` out"
-        )
+        raise UnsupportedType(f"type {given!r}: this version only runs {', '.join(JOB_TYPES)}; leave `type` out")
     return given
 
 
@@ -36,16 +34,12 @@ def parse_options(given: object) -> Options:
     if isinstance(given, str | bytes):
         given = _decode(given)
     if not isinstance(given, dict):
-        raise InvalidOptions(
-            "options: must be a JSON object", errors=[_item("/options", "must be a JSON object")]
-        )
+        raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
     for name, remedy in LATER_OPTIONS.items():
         if given.get(name) is not None:
             raise UnsupportedOption(f"options.{name}: this version does not have it; {remedy}")
     try:
-        options = Options.model_validate(
-            {key: value for key, value in given.items() if key not in LATER_OPTIONS}
-        )
+        options = Options.model_validate({key: value for key, value in given.items() if key not in LATER_OPTIONS})
         resolve_settings(options)
     except ValidationError as error:
         prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
@@ -69,13 +63,9 @@ def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem
     """Each wrong value with a JSON Pointer to it."""
     items = []
     for each in error.errors(include_url=False, include_context=False):
-        words = (
-            "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
-        )
+        words = "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
         steps = [*prefix, *(str(step) for step in each["loc"])]
-        items.append(
-            _item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
-        )
+        items.append(_item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words))
     return items
 
 

@@ -59,9 +59,7 @@ class Problem(BaseModel):
     mesh: str | None = Field(None, description="the input it is about: `design` or `scan`")
     stage: str | None = Field(None, description="the stage of the method that could not go on")
     errors: list[ProblemItem] | None = Field(None, description="each wrong value of the request")
-    instance: str | None = Field(
-        None, description="id of this occurrence, to quote to whoever runs the service"
-    )
+    instance: str | None = Field(None, description="id of this occurrence, to quote to whoever runs the service")
 
 
 class Units(Request):
@@ -75,13 +73,9 @@ class Options(Request):
     """How to run a job; every default runs."""
 
     preset: Literal["default", "paper"] = Field("default", description="where `settings` start from")
-    settings: dict[str, JsonValue] = Field(
-        {}, description="any part of the pipeline's Settings, over the preset"
-    )
+    settings: dict[str, JsonValue] = Field({}, description="any part of the pipeline's Settings, over the preset")
     units: Units = Field(Units(), description="unit of each file")
-    tolerance_mm: float | None = Field(
-        None, gt=0, description="for `deviation.within/above/below` of the results"
-    )
+    tolerance_mm: float | None = Field(None, gt=0, description="for `deviation.within/above/below` of the results")
     seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
     label: str | None = Field(None, max_length=200, description="yours, for finding the job again")
 
@@ -125,9 +119,7 @@ class Job(Response):
     type: JobType
     status: Status
     stage: Stage | None = Field(description="what the child process is doing; null before it starts")
-    progress: float = Field(
-        ge=0, le=100, description="percent of the whole job; never falls within an attempt"
-    )
+    progress: float = Field(ge=0, le=100, description="percent of the whole job; never falls within an attempt")
     message: str | None = Field(description="the stage in words")
     label: str | None = Field(description="as sent in `options`")
     created: datetime

@@ -19,19 +19,13 @@ class ServiceSettings(BaseSettings):
     data_dir: Path = Field(Path("cusp-data"), description="databases, blobs, results and temporary files")
     host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs allow_open")
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 lets the system choose")
-    allow_open: bool = Field(
-        False, description="listen beyond loopback although this version has no API keys"
-    )
-    jobs: int = Field(
-        max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time"
-    )
+    allow_open: bool = Field(False, description="listen beyond loopback although this version has no API keys")
+    jobs: int = Field(max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time")
     job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
     max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
     queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
-    worker_id: str = Field(
-        "worker-1", min_length=1, description="name of the worker; stays the same over restarts"
-    )
+    worker_id: str = Field("worker-1", min_length=1, description="name of the worker; stays the same over restarts")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
     log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
 

@@ -11,9 +11,7 @@ from sqlalchemy import Engine, create_engine, event
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.pool import ConnectionPoolEntry
 
-BUSY_TIMEOUT_MS = (
-    10_000  # the API and the worker write to one file; each write takes well under a millisecond
-)
+BUSY_TIMEOUT_MS = 10_000  # the API and the worker write to one file; each write takes well under a millisecond
 
 
 def open_database(path: Path) -> Engine:

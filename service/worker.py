@@ -23,9 +23,7 @@ log = structlog.get_logger()
 class Worker:
     """One worker process's jobs; `run` is called by many threads."""
 
-    def __init__(
-        self, worker_id: str, jobs: JobStore, blobs: BlobStore, sandbox: Sandbox, scratch: Path
-    ) -> None:
+    def __init__(self, worker_id: str, jobs: JobStore, blobs: BlobStore, sandbox: Sandbox, scratch: Path) -> None:
         self._id, self._jobs, self._blobs, self._sandbox, self._scratch = (
             worker_id,
             jobs,
@@ -130,13 +128,9 @@ class Worker:
             if outcome.problem.status >= 500:
                 log.warning("its process said", said=log_tail(folder))
         elif not (folder / "out" / "results.json").is_file():
-            self._jobs.fail(
-                row.id, row.attempt, problem_of(JobCrashed("the job ended without results; report it"))
-            )
+            self._jobs.fail(row.id, row.attempt, problem_of(JobCrashed("the job ended without results; report it")))
             log.error("job without results", **facts)
-        elif self._jobs.succeed(
-            row.id, row.attempt, self._blobs.publish(row.id, row.attempt, folder / "out")
-        ):
+        elif self._jobs.succeed(row.id, row.attempt, self._blobs.publish(row.id, row.attempt, folder / "out")):
             log.info("job successful", **facts)
         else:
             self._blobs.remove_results(row.id)  # dismissed while it was published

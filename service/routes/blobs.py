@@ -35,6 +35,4 @@ def head_blob(blob_id: str, api: UseApi) -> Response:
     row = api.jobs.blob(blob_id)
     if row is None or not api.blobs.has(blob_id):
         return Response(status_code=404)
-    return Response(
-        headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format}
-    )
+    return Response(headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format})

@@ -74,9 +74,7 @@ def list_jobs(
 ) -> JobPage:
     """List jobs, newest first."""
     rows = api.jobs.page(status=status, job_type=type, label=label, before_id=cursor, limit=limit + 1)
-    return JobPage(
-        jobs=[job_of(row) for row in rows[:limit]], next=rows[limit - 1].id if len(rows) > limit else None
-    )
+    return JobPage(jobs=[job_of(row) for row in rows[:limit]], next=rows[limit - 1].id if len(rows) > limit else None)
 
 
 @router.get(
@@ -88,9 +86,7 @@ async def status(
     job_id: str,
     request: Request,
     api: UseApi,
-    prefer: Annotated[
-        str | None, Header(description="`wait=N`: answer when final, or after N seconds")
-    ] = None,
+    prefer: Annotated[str | None, Header(description="`wait=N`: answer when final, or after N seconds")] = None,
 ) -> Response:
     """Watch a job."""
     seconds = _seconds_to_wait(prefer)
@@ -164,11 +160,7 @@ def _check_successful(row: JobRow) -> None:
     if row.status is Status.DISMISSED:
         raise JobDismissed(f"job {row.id} was dismissed; start a new one")
     if row.status is not Status.SUCCESSFUL:
-        why = (
-            "failed, see its results"
-            if row.status is Status.FAILED
-            else f"{row.status}; poll it until it is final"
-        )
+        why = "failed, see its results" if row.status is Status.FAILED else f"{row.status}; poll it until it is final"
         raise JobNotFinal(f"job {row.id} is {why}")
 
 
