@@ -23,7 +23,7 @@ FROM ${BASE} AS runtime
 # its meshing filters, without a word: hence the check below, and another at each start of the service.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
-        libegl1 libgl1 libgomp1 libopengl0 libusb-1.0-0 python3 \
+        libegl1 libgl1 libopengl0 libusb-1.0-0 python3 \
     && rm -rf /var/lib/apt/lists/* \
     && groupadd --gid 10001 cusp \
     && useradd --uid 10001 --gid cusp --no-create-home --home-dir /data --shell /usr/sbin/nologin cusp \

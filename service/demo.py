@@ -24,6 +24,7 @@ from pipeline import RegistrationResult
 from service import demo_arch
 from service.client import Client, ServiceProblem, ServiceUnreachable
 from service.demo_arch import FloatArray, Surface
+from service.report import print_results
 from service.schemas import Job, Status
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -36,9 +37,7 @@ class DemoProblem(Exception):  # noqa: N818 (shown to people as a sentence)
     """Why the demo cannot go on, and what to do."""
 
 
-def run_demo(
-    *, server: str, data_dir: Path, out: Path, design: Path | None, scan: Path | None, seed: int
-) -> int:
+def run_demo(*, server: str, data_dir: Path, out: Path, design: Path | None, scan: Path | None, seed: int) -> int:
     """Register a pair through the service at `server`, started with `data_dir` if none answers, and explain.
 
     design, scan : the user's files, both or neither; neither makes the pair by formula, varied by `seed`
@@ -49,22 +48,25 @@ def run_demo(
     int
         Exit code: 0 verdict ok, 3 another verdict, 1 no result.
     """
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     try:
         out.mkdir(parents=True, exist_ok=True)
         design, scan, truth = _pair(console, design, scan, out, seed)
         with Client(server) as client, _service(console, client, data_dir, out / "service.log"):
             job = _submit(console, client, design, scan, seed)
             job = _watch(console, client, job)
-            result = RegistrationResult.model_validate(client.results(job.id))
+            results = client.results(job.id)
+            result = RegistrationResult.model_validate(results)
             names = [file.name for file in client.files(job.id)]
             for name in names:
                 client.download(job.id, name, out / Path(name).name)
+            console.print()
+            print_results(results, None, console)
             _explain(console, result)
             if truth is not None:
                 _compare(console, result, truth, out)
-            console.print(f"\n[bold]Files[/bold] in {escape(str(out))}: {escape(', '.join(names))}")
-            console.print(f"The JSON again: curl -s {client.server}/v1/jobs/{job.id}/results", soft_wrap=True)
+            console.print(f"\nFiles in {escape(str(out))}: {escape(', '.join(names))}")
+            console.print(f"The JSON again: curl -s {client.server}/v1/jobs/{job.id}/results")
     except ValidationError as error:
         return _give_up(console, f"The service at {server} speaks another version of the results: {error}")
     except (DemoProblem, ServiceProblem, ServiceUnreachable, OSError, httpx.HTTPError) as error:
@@ -73,7 +75,7 @@ def run_demo(
 
 
 def _give_up(console: Console, sentence: str) -> int:
-    console.print(f"[bold red]The demo cannot go on.[/bold red] {escape(sentence)}", soft_wrap=True)
+    console.print(f"[bold red]The demo cannot go on.[/bold red] {escape(sentence)}")
     return 1
 
 
@@ -140,9 +142,7 @@ def _wait_ready(client: Client, process: subprocess.Popen[bytes], log: Path) -> 
         ended = process.poll()
         if ended is not None or time.monotonic() > deadline:
             said = "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-15:])
-            how = (
-                f"is not ready after {START_TIMEOUT_S:.0f} s" if ended is None else f"ended with code {ended}"
-            )
+            how = f"is not ready after {START_TIMEOUT_S:.0f} s" if ended is None else f"ended with code {ended}"
             raise DemoProblem(f"The service started for the demo {how}. The end of its log, {log}:\n{said}")
         time.sleep(0.2)
 
@@ -160,11 +160,9 @@ def _submit(console: Console, client: Client, design: Path, scan: Path, seed: in
     options = {"seed": seed, "tolerance_mm": TOLERANCE_MM, "label": "cusp demo"}
     curl = ["curl", "-F", f"design=@{design}", "-F", f"scan=@{scan}", "-F", f"options={json.dumps(options)}"]
     console.print("Uploading both, as this would:")
-    console.print(f"  {escape(shlex.join([*curl, client.server + '/v1/jobs']))}", soft_wrap=True)
+    console.print(f"  {escape(shlex.join([*curl, client.server + '/v1/jobs']))}")
     job = client.submit(design, scan, options)
-    console.print(
-        f"Job {job.id} is {job.status.value}; polling {client.server}{job.links.self}", soft_wrap=True
-    )
+    console.print(f"Job {job.id} is {job.status.value}; polling {client.server}{job.links.self}", soft_wrap=True)
     return job
 
 
@@ -186,42 +184,19 @@ def _watch(console: Console, client: Client, job: Job) -> Job:
 
 
 def _explain(console: Console, result: RegistrationResult) -> None:
-    verdict, metrics = result.verdict, result.metrics
-    colour = "green" if verdict.status == "ok" else "yellow"
-    sure = "" if verdict.confidence is None else f", confidence {verdict.confidence:.2f}"
-    console.print(f"\n[bold]Verdict[/bold] [{colour}]{verdict.status}[/{colour}]{sure}")
-    for finding in verdict.findings:
-        console.print(f"  {escape(finding.code)}: {escape(finding.detail)}")
-    for warning in result.warnings:
-        console.print(f"  warning {escape(warning.code)}: {escape(warning.detail)}")
-    if result.transform is None:
-        console.print("[bold]Transform[/bold] none: there is no pose to stand by")
-    else:
-        console.print(f"[bold]Transform[/bold] {result.transform.convention}")
-        for row in result.transform.matrix:
-            console.print("  " + " ".join(f"{value:12.6f}" for value in row))
-    console.print("[bold]RMSE[/bold] of the scan's distance to the design")
-    console.print(f"  as uploaded                  {_mm(metrics.rmse_initial_mm)}")
-    console.print(f"  by landmarks alone           {_mm(metrics.rmse_landmarks_mm)}")
-    console.print(f"  by ICP without landmarks     {_mm(metrics.rmse_complete_mm)}")
-    console.print(f"  final: landmarks, then ICP   {_mm(metrics.rmse_mm)}")
-    ratio = "none" if metrics.k_ratio is None else f"{metrics.k_ratio:.2f}"
-    console.print(f"  K, without over by landmarks {ratio:>10}")
+    """What the summary leaves out: K, the deviation, the landmarks."""
+    if (k_ratio := result.metrics.k_ratio) is not None:
+        console.print(f"K, RMSE without landmarks over by landmarks alone: {k_ratio:.2f}")
     if (found := result.deviation) is not None:
         within = "" if found.within is None else f"; {found.within:.1%} within {found.tolerance_mm} mm"
         console.print(
-            f"[bold]Deviation[/bold] mean {found.mean_mm:+.3f} mm, SD {found.sd_mm:.3f} mm, "
+            f"deviation: mean {found.mean_mm:+.3f} mm, SD {found.sd_mm:.3f} mm, "
             f"5 % to 95 % {found.p05_mm:+.3f} to {found.p95_mm:+.3f} mm{within}"
         )
     marks = result.landmarks
     console.print(
-        f"[bold]Landmarks[/bold] {len(marks.design)} on the design, {len(marks.scan)} on the scan, "
-        f"{len(marks.matches)} matched"
+        f"landmarks: {len(marks.design)} on the design, {len(marks.scan)} on the scan, {len(marks.matches)} matched"
     )
-
-
-def _mm(value: float | None) -> str:
-    return "      none" if value is None else f"{value:10.4f} mm"
 
 
 def _compare(console: Console, result: RegistrationResult, truth: FloatArray, out: Path) -> None:
@@ -238,6 +213,6 @@ def _compare(console: Console, result: RegistrationResult, truth: FloatArray, ou
     rotation_deg = float(np.degrees(2.0 * np.arcsin(half_sine)))
     off_mm = np.linalg.norm(points @ (found - truth)[:3, :3].T + (found - truth)[:3, 3], axis=1)
     console.print(
-        f"[bold]True error[/bold] of the pose, known here: rotation {rotation_deg:.3f} deg, "
+        f"true error of the pose, known here: rotation {rotation_deg:.3f} deg, "
         f"displacement RMS {np.sqrt((off_mm**2).mean()):.3f} mm"
     )

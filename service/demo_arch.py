@@ -63,9 +63,7 @@ def arch(n_vertices: int = 5000, seed: int = 0) -> Surface:
     patch = np.stack(np.meshgrid(_unit(rows), _unit(columns), indexing="ij"), axis=2).reshape(-1, 2)
     corner = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (q.ravel() for q in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
-    sides = np.unique(
-        np.concatenate([np.stack(pair, 1) for pair in ((a, b), (a, d), (b, c), (d, c))]), axis=0
-    )
+    sides = np.unique(np.concatenate([np.stack(pair, 1) for pair in ((a, b), (a, d), (b, c), (d, c))]), axis=0)
     vertices = sweep.points(patch, sides)
     ac, bd = (np.linalg.norm(vertices[p] - vertices[q], axis=1) for p, q in ((a, c), (b, d)))
     cut_ac, cut_bd = np.stack([a, b, c, a, c, d], 1), np.stack([a, b, d, b, c, d], 1)
@@ -91,9 +89,11 @@ def printed(n_vertices: int = 6500, seed: int = 0) -> Printed:
     ideal = sweep.points(patch, np.unique(sides, axis=0))
 
     deformed = _deformed(ideal, rng)
+    away = rng.normal(size=3)
+    away *= rng.uniform(0.2, 1.0) * POSE_MM / np.linalg.norm(away)
     T_design_scan = np.eye(4)
     T_design_scan[:3, :3] = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
-    T_design_scan[:3, 3] = -T_design_scan[:3, :3] @ (rng.normal(size=3) * POSE_MM / 4).clip(-28.0, 28.0)
+    T_design_scan[:3, 3] = -T_design_scan[:3, :3] @ away
     scan = (deformed - T_design_scan[:3, 3]) @ T_design_scan[:3, :3]
     return Printed(Surface(scan, faces.astype(np.int32)), T_design_scan)
 
