@@ -33,7 +33,7 @@ STOP_TIMEOUT_S = 20.0
 TOLERANCE_MM = 0.2  # of the summary: what printed dental models are held to
 
 
-class DemoProblem(Exception):  # noqa: N818 (shown to people as a sentence)
+class DemoProblem(Exception):
     """Why the demo cannot go on, and what to do."""
 
 
