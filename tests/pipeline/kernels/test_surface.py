@@ -1,0 +1,68 @@
+"""Closest points and signs against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.kernels.surface import Surface, closest_weights
+from pipeline.mesh import FloatArray
+from tests import shapes
+
+OFFSETS = (0.0, 1e4)  # far from the origin too: single precision must not be spent on the offset
+
+
+def box_distance(points: FloatArray, half: float) -> FloatArray:
+    """Signed distance to the cube [-half, half]^3."""
+    beyond = np.abs(points) - half
+    outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
+    return outside + np.minimum(beyond.max(axis=1), 0)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_signed_distance_to_a_box_is_the_closed_form(offset: float) -> None:
+    cube = shapes.box((2.0, 2.0, 2.0))
+    moved = type(cube)(cube.vertices - 1.0 + offset, cube.faces)
+    points = np.random.default_rng(0).uniform(-2.5, 2.5, (4000, 3))
+    surface = Surface(moved)
+    found = surface.closest(points + offset)
+    np.testing.assert_allclose(
+        surface.signed_distance(points + offset, found), box_distance(points, 1.0), atol=1e-9 + 1e-12 * offset
+    )
+
+
+def test_sign_is_right_where_a_corner_is_closest() -> None:
+    """At a sharp corner the nearest face's own normal gives the wrong side; the pseudonormal does not."""
+    spike = shapes.box((1.0, 1.0, 1.0))
+    sheared = type(spike)(spike.vertices @ np.array([[1, 0, 0], [0, 1, 0], [3.0, 0, 1]]), spike.faces)
+    surface = Surface(sheared)
+    tip = sheared.vertices[7]
+    outside = tip + np.random.default_rng(1).normal(size=(500, 3)) * 0.2
+    found = surface.closest(outside)
+    at_tip = (found.weights == 1).any(axis=1)
+    assert at_tip.sum() > 20
+    assert (surface.signed_distance(outside, found)[at_tip] > 0).all()
+
+
+def test_distance_of_a_shifted_plane_is_the_shift() -> None:
+    plane = shapes.grid_plane()
+    surface = Surface(plane)
+    inner = np.array([[3.3, 4.1, 0.7], [5.0, 5.0, -0.25]])
+    found = surface.closest(inner)
+    np.testing.assert_allclose(surface.signed_distance(inner, found), [0.7, -0.25], atol=1e-12)
+    assert not surface.on_open_border(found).any()
+    assert surface.on_open_border(surface.closest(np.array([[-1.0, 4.2, 0.3], [20.0, 20.0, 1.0]]))).all()
+
+
+@given(st.lists(st.floats(-3, 3), min_size=12, max_size=12))
+def test_no_point_of_the_triangle_is_closer(numbers: list[float]) -> None:
+    values = np.array(numbers).reshape(4, 3)
+    point, corners = values[:1], values[None, 1:]
+    weights = closest_weights(point, corners)
+    assert (weights >= -1e-12).all()
+    np.testing.assert_allclose(weights.sum(), 1.0, atol=1e-9)
+    best = np.linalg.norm(point[0] - weights[0] @ corners[0])
+    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 12)))
+    inside = u + v <= 1
+    others = np.stack([1 - u - v, u, v], axis=1)[inside] @ corners[0]
+    assert best <= np.linalg.norm(others - point, axis=1).min() + 1e-7
