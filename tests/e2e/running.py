@@ -1,0 +1,115 @@
+"""A whole service for tests: `cusp up` in processes of its own, on a free port and a folder of its own."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from service.client import Client
+from service.schemas import Job, Status
+
+START_TIMEOUT_S = 90.0
+QUICK = {  # the whole method on the small blobs of tests/service/meshes.py, in a second or two
+    "settings": {
+        "resample": {"target_vertices": 400},
+        "matching": {"max_hypotheses": 8, "dense_pairs": False, "sample_points": 500},
+        "registration": {"sample_points": 1000},
+    }
+}
+LONG = {"settings": {"resample": {"target_vertices": 20_000}}}  # half a minute and more: to be interrupted
+
+
+def free_port() -> int:
+    """A port that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_until(condition: Callable[[], Any], seconds: float, what: str) -> Any:
+    """Poll until `condition` is true, and return what it said."""
+    deadline = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < deadline, f"waited {seconds} s in vain: {what}"
+        time.sleep(0.02)
+    return found
+
+
+class RunningService:
+    """`cusp up`, started; `log` is what it wrote."""
+
+    def __init__(self, data_dir: Path, **environment: str) -> None:
+        self.data_dir = data_dir
+        self.log = data_dir.with_suffix(".log")
+        self.port = free_port()
+        self.client = Client(f"http://127.0.0.1:{self.port}")
+        command = [sys.executable, "-m", "service.cli", "up", "--port", str(self.port), "--data-dir", str(data_dir)]
+        with self.log.open("ab") as log:
+            self.parent = psutil.Popen(command, stderr=log, env={**os.environ, **environment})
+        wait_until(self._is_up, START_TIMEOUT_S, "the service to start")
+
+    def _is_up(self) -> bool:
+        assert self.parent.poll() is None, self.log.read_text()
+        return self.client.is_ready()
+
+    def part(self, name: str) -> psutil.Process:
+        """The process `api` or `worker`."""
+
+        def found() -> psutil.Process | None:
+            with suppress(psutil.NoSuchProcess):
+                return next((each for each in self.parent.children() if name in each.cmdline()), None)
+            return None
+
+        process: psutil.Process = wait_until(found, START_TIMEOUT_S, f"a process {name}")
+        return process
+
+    def job_processes(self) -> list[psutil.Process]:
+        """The children that compute: the zygote's."""
+        with suppress(psutil.NoSuchProcess):
+            zygotes = [each for each in self.part("worker").children() if "service.zygote" in each.cmdline()]
+            return [child for zygote in zygotes for child in zygote.children()]
+        return []
+
+    def running(self, job_id: str) -> psutil.Process:
+        """Wait until the job computes; its process."""
+        wait_until(lambda: self.client.job(job_id).stage is not None, 60, "the job to compute")
+        process: psutil.Process = wait_until(self.job_processes, 5, "its process")[0]
+        return process
+
+    def finish(self, job_id: str, seconds: float = 90.0) -> Job:
+        """Wait for the end of a job."""
+        return self.client.wait(job_id, timeout_s=seconds, interval_s=0.1)
+
+    def successful(self, job_id: str) -> Job:
+        """Wait for the end of a job, which must be good."""
+        job = self.finish(job_id)
+        assert job.status is Status.SUCCESSFUL, (job, self.log.read_text())
+        return job
+
+    def stop(self) -> float:
+        """SIGTERM; how many seconds the end took."""
+        begun = time.monotonic()
+        self.parent.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self.parent.wait(20)
+        took = time.monotonic() - begun
+        self.kill_everything()
+        return took
+
+    def kill_everything(self) -> None:
+        """SIGKILL to every process of the service at once."""
+        with suppress(psutil.NoSuchProcess):
+            family = [self.parent, *self.parent.children(recursive=True)]
+            for process in family:
+                with suppress(psutil.NoSuchProcess):
+                    process.send_signal(signal.SIGKILL)
+            psutil.wait_procs(family, timeout=10)
+        self.client.close()

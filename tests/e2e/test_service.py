@@ -1,0 +1,100 @@
+"""The whole service over real HTTP: real worker, real child processes, the real method."""
+
+import hashlib
+import math
+import signal
+import struct
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pipeline
+from service.client import ServiceProblem
+from service.schemas import Status
+from tests.e2e.conftest import SHIFT_MM, TURN_DEG
+from tests.e2e.running import LONG, QUICK, RunningService, wait_until
+from tests.service.meshes import stl
+
+pytestmark = pytest.mark.e2e
+
+
+def test_a_scan_is_registered_to_its_design(running: RunningService, design: Path, scan: Path, tmp_path: Path) -> None:
+    job = running.client.submit(design, scan, {**QUICK, "tolerance_mm": 0.5, "label": "e2e"})
+    assert job.status is Status.ACCEPTED
+    seen = []
+    final = running.client.wait(job.id, lambda now: seen.append(now.progress), interval_s=0.05, timeout_s=90)
+    assert final.status is Status.SUCCESSFUL, final.error
+    assert seen == sorted(seen)
+    results = pipeline.RegistrationResult.model_validate(running.client.results(job.id))
+    assert results.verdict.status == "ok"
+    assert results.transform is not None
+    c, s = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
+    T_scan_design = np.array([[c, -s, 0, SHIFT_MM[0]], [s, c, 0, SHIFT_MM[1]], [0, 0, 1, SHIFT_MM[2]], [0, 0, 0, 1]])
+    off = np.array(results.transform.matrix) @ T_scan_design
+    assert np.allclose(off[:3, :3], np.eye(3), atol=0.02)
+    assert np.abs(off[:3, 3]).max() < 0.4  # 1 % of the diagonal; two coarse triangulations of one shape
+
+    files = running.client.files(job.id)
+    assert {file.name for file in files} == {"results.json", *results.files}
+    for file in files:
+        content = running.client.download(job.id, file.name, tmp_path / file.name).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == file.sha256
+
+
+def test_a_mesh_that_only_the_parser_can_refuse_fails_its_job(
+    running: RunningService, design: Path, tmp_path: Path
+) -> None:
+    bad = tmp_path / "nan.stl"
+    nan = (math.nan, 0.0, 0.0)
+    bad.write_bytes(stl([[nan, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]] * 20))
+    job = running.finish(running.client.submit(design, bad).id)
+    assert job.status is Status.FAILED
+    assert job.error is not None
+    assert (job.error.mesh, job.error.status) == ("scan", 422)
+    with pytest.raises(ServiceProblem) as refusal:
+        running.client.results(job.id)
+    assert refusal.value.problem == job.error
+
+
+def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(running: RunningService, design: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bomb.stl"
+    bad.write_bytes(b"x".ljust(80) + struct.pack("<I", 2**32 - 1) + b"\0" * 500)
+    with pytest.raises(ServiceProblem, match="scan: the STL header announces 4294967295 triangles"):
+        running.client.submit(design, bad)
+
+
+def test_a_running_job_is_cancelled_within_three_seconds(running: RunningService, design: Path, scan: Path) -> None:
+    job = running.client.submit(design, scan, LONG)
+    process = running.running(job.id)
+    begun = time.monotonic()
+    running.client.dismiss(job.id)
+    wait_until(lambda: not process.is_running() or process.status() == "zombie", 3, "the process to be gone")
+    assert time.monotonic() - begun < 3
+    assert running.client.job(job.id).status is Status.DISMISSED
+
+
+def test_a_segfault_fails_its_job_and_nothing_else(running: RunningService, design: Path, scan: Path) -> None:
+    first, second = running.client.submit(design, scan, LONG), running.client.submit(design, scan, QUICK)
+    running.running(first.id).send_signal(signal.SIGSEGV)
+    failed = running.finish(first.id, 20)
+    assert failed.error is not None
+    assert failed.error.code == "job_crashed"
+    assert "SIGSEGV" in failed.error.detail
+    running.successful(second.id)
+
+
+def test_a_dead_worker_is_replaced_and_its_job_runs_again(running: RunningService, design: Path, scan: Path) -> None:
+    job = running.client.submit(design, scan, {**QUICK, "settings": {"resample": {"target_vertices": 3000}}})
+    process = running.running(job.id)
+    running.part("worker").kill()
+    wait_until(lambda: not process.is_running() or process.status() == "zombie", 5, "its child to be gone")
+    assert running.successful(job.id).attempt == 2
+
+
+def test_a_dead_api_is_replaced_and_knows_its_jobs(running: RunningService, design: Path, scan: Path) -> None:
+    job = running.client.submit(design, scan, QUICK)
+    running.part("api").kill()
+    wait_until(running.client.is_ready, 60, "the new API")
+    running.successful(job.id)
