@@ -130,7 +130,7 @@ class RegistrationSettings(Section):
         description="verdict no_match when less of the scan lies within the inlier distance",
     )
     max_residual_share: float = Field(
-        0.006, gt=0, description="verdict no_match when the inlier RMSE is above this share of the diagonal"
+        0.009, gt=0, description="verdict no_match when the truncated RMS distance is above this share of the diagonal"
     )
 
 

@@ -31,13 +31,13 @@ def judge(
                 value=fit.fitness,
             )
         )
-    if fit.inlier_rmse_mm is None or fit.inlier_rmse_mm > limit_mm:
+    if fit.truncated_rms_mm > limit_mm:
         findings.append(
             Finding(
                 code="high_residual",
-                detail=f"the part of the scan that lies on the design is {fit.inlier_rmse_mm or 0:.3g} mm off (RMS); "
-                f"at most {limit_mm:.3g} mm count as the same part",
-                value=fit.inlier_rmse_mm,
+                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
+                f"{registration.inlier_distance_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part",
+                value=fit.truncated_rms_mm,
             )
         )
     matched = bool(not findings)
@@ -49,7 +49,7 @@ def judge(
             findings.append(
                 Finding(
                     code="rival_pose",
-                    detail="another pose fits almost as well, see alternatives: a symmetric part, or too little to go by",
+                    detail="another pose fits almost as well, see alternatives: symmetric, or too little to go by",
                     value=second / registration.best.cost_mm2 if registration.best.cost_mm2 > 0 else None,
                 )
             )

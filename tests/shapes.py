@@ -66,9 +66,7 @@ def cylinder(radius_mm: float = 2.0, height_mm: float = 8.0, around: int = 64, a
 
 
 def torus(major_mm: float = 5.0, minor_mm: float = 2.0, around: int = 96, across: int = 48) -> Mesh:
-    u, v = np.meshgrid(
-        np.arange(around) * 2 * np.pi / around, np.arange(across) * 2 * np.pi / across, indexing="ij"
-    )
+    u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(across) * 2 * np.pi / across, indexing="ij")
     ring = major_mm + minor_mm * np.cos(v)
     vertices = np.stack([ring * np.cos(u), ring * np.sin(u), minor_mm * np.sin(v)], axis=-1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")

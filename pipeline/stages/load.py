@@ -161,7 +161,8 @@ def _concatenate(parts: list[trimesh.Trimesh] | list[trimesh.PointCloud]) -> tup
         points = np.asarray(part.vertices, dtype=np.float64).reshape(-1, 3)
         triangles = np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64).reshape(-1, 3)
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
-            raise IndexOutOfRange(f"a triangle names vertex {triangles.max()}, but there are {len(points)} vertices")
+            wrong = triangles[(triangles < 0) | (triangles >= len(points))][0]
+            raise IndexOutOfRange(f"a triangle names vertex {wrong}, but there are {len(points)} vertices")
         vertices.append(points)
         faces.append(triangles + count)
         count += len(points)

@@ -34,7 +34,8 @@ class Fit:
     """How the cleaned scan lies on the design under one pose.
 
     closest : of every scan vertex; rmse_mm : weighted RMS of all distances, untrimmed; fitness : share of the
-    scan within the inlier distance; overlap : the same, not on an open border of the design
+    scan within the inlier distance; overlap : the same, not on an open border of the design;
+    truncated_rms_mm : RMS of the distances, each counted as at most the inlier distance
     """
 
     closest: Closest
@@ -43,6 +44,7 @@ class Fit:
     inlier_rmse_mm: float | None
     fitness: float
     overlap: float
+    truncated_rms_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +146,7 @@ def fit(scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_distance_
         inlier_rmse_mm=float(np.sqrt((weights * squared)[inside].sum() / share)) if share > 0 else None,
         fitness=min(1.0, share),
         overlap=min(1.0, float(weights[inside & ~design.on_open_border(closest)].sum())),
+        truncated_rms_mm=float(np.sqrt((weights * np.minimum(squared, inlier_distance_mm**2)).sum())),
     )
 
 

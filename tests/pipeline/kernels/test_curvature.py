@@ -32,7 +32,12 @@ def test_plane_has_none_inside_and_none_on_its_corrected_straight_border() -> No
 
 @pytest.mark.parametrize(
     ("mesh", "euler"),
-    [(shapes.icosphere(2.0, 2), 2), (shapes.torus(around=30, across=15), 0), (shapes.box(), 2), (shapes.grid_plane(), 1)],
+    [
+        (shapes.icosphere(2.0, 2), 2),
+        (shapes.torus(around=30, across=15), 0),
+        (shapes.box(), 2),
+        (shapes.grid_plane(), 1),
+    ],
     ids=["sphere", "torus", "box", "disc"],
 )
 def test_gauss_bonnet(mesh: Mesh, euler: int) -> None:

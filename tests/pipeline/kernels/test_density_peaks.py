@@ -73,6 +73,4 @@ def test_halo_is_what_is_less_dense_than_the_border_of_its_cluster() -> None:
     near = csr_matrix(np.where(matrix <= 1.0, matrix, 0))
     rho = np.array([1.0, 5.0, 2.0, 3.0, 6.0, 4.0])
     labels = np.array([0, 0, 0, 1, 1, 1], dtype=np.int32)
-    np.testing.assert_array_equal(
-        density_peaks.halo(near, 1.5, rho, labels), [True, False, False, False, False, False]
-    )
+    np.testing.assert_array_equal(density_peaks.halo(near, 1.5, rho, labels), [True, False, False, False, False, False])

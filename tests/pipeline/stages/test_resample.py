@@ -1,0 +1,65 @@
+"""The working mesh is the same surface, evenly triangulated, whatever came in."""
+
+import numpy as np
+import pytest
+
+from pipeline.kernels import topology
+from pipeline.kernels.surface import Surface
+from pipeline.mesh import Mesh
+from pipeline.settings import ResampleSettings
+from pipeline.stages.resample import nearest_vertices, resample, working_edge_mm
+from tests import shapes
+
+SETTINGS = ResampleSettings(target_vertices=1500)
+
+
+def worked(mesh: Mesh) -> Mesh:
+    edge_mm = working_edge_mm(float(mesh.face_areas_mm2().sum()), SETTINGS.target_vertices)
+    return resample(mesh, "design", edge_mm, SETTINGS).mesh
+
+
+@pytest.mark.parametrize("levels", [0, 6], ids=["12 triangles", "49152 triangles"])
+def test_a_box_keeps_its_surface_and_gets_the_wanted_vertices(levels: int) -> None:
+    box = shapes.box((10.0, 6.0, 4.0), levels)
+    working = worked(box)
+    assert 0.7 < len(working.vertices) / SETTINGS.target_vertices < 1.4
+    assert Surface(box).closest(working.vertices).distance.max() < 0.02
+    assert working.face_areas_mm2().sum() == pytest.approx(box.face_areas_mm2().sum(), rel=0.02)
+    assert (topology.edges(working.faces).count == 2).all()
+
+
+def test_edges_are_nearly_equal() -> None:
+    working = worked(shapes.bumpy_blob(4))
+    ends = topology.edges(working.faces).ends
+    lengths = np.linalg.norm(working.vertices[ends[:, 0]] - working.vertices[ends[:, 1]], axis=1)
+    low, high = np.percentile(lengths, [2, 98])
+    assert high / low < 2.5
+
+
+def test_same_input_same_bits() -> None:
+    blob = shapes.bumpy_blob(4)
+    assert worked(blob).vertices.tobytes() == worked(blob).vertices.tobytes()
+
+
+def test_scan_points_are_meshed_near_the_points() -> None:
+    blob = shapes.bumpy_blob(5)
+    points = blob.vertices[blob.vertices[:, 2] > -3]  # one side seen
+    found = resample(Mesh(points), "scan", 1.5, SETTINGS)
+    assert Surface(blob).closest(found.mesh.vertices).distance.max() < 1.0
+    area_seen = blob.face_areas_mm2()[(blob.vertices[blob.faces][:, :, 2] > -3).all(axis=1)].sum()
+    assert found.mesh.face_areas_mm2().sum() == pytest.approx(area_seen, rel=0.1)
+    assert len(found.working_of_clean) == len(points)
+
+
+def test_disabled_is_the_mesh_itself() -> None:
+    blob = shapes.bumpy_blob(2)
+    found = resample(blob, "design", 1.0, ResampleSettings(enabled=False))
+    assert found.mesh is blob
+    np.testing.assert_array_equal(found.working_of_clean, np.arange(len(blob.vertices)))
+
+
+def test_values_are_carried_from_the_nearest_surface_point() -> None:
+    box = shapes.box((10.0, 10.0, 0.5), 4)
+    above = np.array([[5.0, 5.0, 0.7]])
+    found = nearest_vertices(box, above)
+    assert box.vertices[found[0], 2] == 0.5  # the near side of a thin wall
