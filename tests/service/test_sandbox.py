@@ -31,12 +31,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
         sandbox.stop()
 
 
-def run(
-    sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object
-) -> Outcome:
-    return sandbox.run(
-        "job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted
-    )
+def run(sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object) -> Outcome:
+    return sandbox.run("job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted)
 
 
 def is_alive(pid: int) -> bool:
@@ -64,9 +60,7 @@ def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
         ("refuses", "truncated_file", "scan: the file ends in the middle of a triangle"),
     ],
 )
-def test_a_bad_end_is_a_failure_with_its_reason(
-    make: Make, tmp_path: Path, target: str, code: str, words: str
-) -> None:
+def test_a_bad_end_is_a_failure_with_its_reason(make: Make, tmp_path: Path, target: str, code: str, words: str) -> None:
     sandbox = make(target)
     for _ in range(2):  # the second shows that the zygote lives on
         outcome = run(sandbox, tmp_path)

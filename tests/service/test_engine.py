@@ -1,0 +1,53 @@
+"""DBOS behind our interface: tickets bring jobs to a runner once each, and can be dropped and made again."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from dbos import DBOS
+
+from service.engine import DbosQueue, DbosRunner, migrate_queue
+from tests.e2e.running import wait_until
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    migrate_queue(tmp_path / "queue.db")
+    migrate_queue(tmp_path / "queue.db")  # again is nothing
+    return tmp_path / "queue.db"
+
+
+@pytest.fixture
+def queue(path: Path) -> Iterator[DbosQueue]:
+    made = DbosQueue(path)
+    yield made
+    made.close()
+
+
+def test_each_ticket_runs_once_and_a_dropped_one_never(path: Path, queue: DbosQueue) -> None:
+    ran: list[str] = []
+    gate = threading.Event()
+
+    def run(job_id: str) -> None:
+        ran.append(job_id)
+        gate.wait(10)
+
+    for job_id in ("a", "b", "b", "c"):
+        queue.enqueue(job_id)
+    queue.drop("c")
+    assert queue.tickets() == {"a", "b"}
+    runner = DbosRunner(path, "worker-1", 1, run)
+    runner.start()
+    try:
+        wait_until(lambda: ran == ["a"], 10, "the first job")
+        assert queue.tickets() == {"a", "b"}  # one at a time; both are somebody's
+        gate.set()
+        wait_until(lambda: ran == ["a", "b"], 10, "the second job")
+        wait_until(lambda: not queue.tickets(), 10, "both tickets to be used up")
+        queue.requeue("a")  # its row said that it waits, though its ticket is used up
+        queue.requeue("c")
+        wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 10, "both again")
+    finally:
+        runner.stop()
+        DBOS.destroy(destroy_registry=True)

@@ -1,0 +1,32 @@
+"""Settings refuse what would be unsafe, and reach child processes unchanged."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from service.settings import ServiceSettings
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "localhost"])
+def test_loopback_is_allowed(host: str) -> None:
+    assert ServiceSettings(host=host).host == host
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.2", "example.org"])  # noqa: S104
+def test_elsewhere_needs_a_word(host: str) -> None:
+    with pytest.raises(ValidationError, match="CUSP_ALLOW_OPEN=1"):
+        ServiceSettings(host=host)
+    assert ServiceSettings(host=host, allow_open=True).host == host
+
+
+def test_a_child_process_gets_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    given = ServiceSettings(data_dir=tmp_path, port=0, jobs=3, job_time_limit_s=1.5, allow_open=True, log_level="debug")
+    for name, value in given.environment().items():
+        monkeypatch.setenv(name, value)
+    assert ServiceSettings() == given
+    assert all(name.startswith("CUSP_") for name in given.environment())
+
+
+def test_every_setting_is_described() -> None:
+    assert all(field.description for field in ServiceSettings.model_fields.values())
