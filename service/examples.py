@@ -28,7 +28,8 @@ SERVICE_ERRORS: list[ServiceError] = [
     ),
     errors.UnsupportedType("type 'study': this version only runs registration; leave `type` out"),
     errors.UnsupportedOption(
-        "options.webhook: this version does not have it; poll the job, or send `Prefer: wait=30` with the status request"
+        "options.webhook: this version does not have it; "
+        "poll the job, or send `Prefer: wait=30` with the status request"
     ),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored here; send it by PUT /v1/blobs first"),
     errors.PayloadTooLarge(

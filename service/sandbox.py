@@ -111,6 +111,9 @@ class Sandbox:
             finally:
                 os.close(write_fd)
             return self._follow(key, zygote, _Lines(read_fd), on_progress, is_wanted)
+        except BaseException:
+            self._send({"kill": key}, [])  # a listener failed: nobody would stop the child
+            raise
         finally:
             os.close(read_fd)
 

@@ -13,6 +13,7 @@ from typing import IO
 
 import structlog
 
+from service.blobs import BlobStore
 from service.engine import migrate_queue
 from service.settings import ServiceSettings
 from service.store import migrate
@@ -55,6 +56,9 @@ def prepare(settings: ServiceSettings) -> IO[bytes]:
         raise AlreadyRunning(
             f"another cusp works on {settings.data_dir.resolve()}; stop it, or choose another --data-dir"
         ) from error
+    BlobStore(settings.blob_dir).clear_incoming()  # uploads that a crash cut off
+    for path in settings.tmp_dir.iterdir():
+        path.unlink(missing_ok=True)
     migrate(settings.database_path)
     migrate_queue(settings.queue_path)
     return lock
@@ -67,7 +71,8 @@ def run_up(settings: ServiceSettings) -> int:
         signal.signal(kind, lambda *_: stop.set())
     with prepare(settings):
         parts = [Part(name, _start(settings, name), time.monotonic()) for name in ("api", "worker")]
-        log.info("service starts", data_dir=str(settings.data_dir), jobs=settings.jobs)
+        address = f"http://{settings.host}:{settings.port}"
+        log.info("service starts", address=address, data_dir=str(settings.data_dir), jobs=settings.jobs)
         try:
             return _keep_alive(parts, lambda name: _start(settings, name), stop)
         finally:

@@ -127,7 +127,7 @@ def download(job_id: str, name: str, api: UseApi) -> Response:
     return _download(api, row, name)
 
 
-@router.delete("/{job_id}", status_code=204, responses=problems(404))
+@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(404))
 def dismiss(job_id: str, api: UseApi) -> None:
     """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
     row = api.jobs.find(job_id)

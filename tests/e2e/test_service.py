@@ -65,6 +65,11 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(running: RunningService
         running.client.submit(design, bad)
 
 
+def test_the_process_that_jobs_are_forked_from_has_one_thread(running: RunningService) -> None:
+    (zygote,) = [each for each in running.part("worker").children() if "service.zygote" in each.cmdline()]
+    assert zygote.num_threads() == 1
+
+
 def test_a_running_job_is_cancelled_within_three_seconds(running: RunningService, design: Path, scan: Path) -> None:
     job = running.client.submit(design, scan, LONG)
     process = running.running(job.id)

@@ -126,7 +126,7 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
         ScriptedSandbox(),
     )
     worker = Worker("worker-1", jobs, blobs, sandbox, settings.scratch_dir)  # type: ignore[arg-type]
-    with serving(create_app(settings, queue)) as address, httpx.Client(base_url=address) as http:
+    with serving(create_app(settings, queue)) as address, httpx.Client(base_url=address, timeout=30) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()
 

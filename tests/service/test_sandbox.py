@@ -118,6 +118,18 @@ def test_a_killed_zygote_fails_its_jobs_and_is_replaced(make: Make, tmp_path: Pa
     assert sandbox._zygote.pid != first
 
 
+def test_a_job_whose_listener_fails_does_not_run_on(make: Make, tmp_path: Path) -> None:
+    def fail(*_: object) -> None:
+        raise ConnectionError("the database is away")
+
+    sandbox = make("grandchild")
+    with pytest.raises(ConnectionError):
+        sandbox.run("job", {"folder": str(tmp_path), "stay": True}, fail, lambda: fail() is None)
+    wait_until(lambda: (tmp_path / "pids.json").exists())
+    pids = json.loads((tmp_path / "pids.json").read_text())
+    wait_until(lambda: not any(map(is_alive, pids)))
+
+
 def test_two_jobs_run_side_by_side(make: Make, tmp_path: Path) -> None:
     sandbox = make("slow")
     folders = [tmp_path / name for name in ("a", "b")]
