@@ -45,7 +45,9 @@ class Client:
     def __init__(self, server: str) -> None:
         self.server = server.rstrip("/")
         timeout = httpx.Timeout(TRANSFER_TIMEOUT_S, connect=CONNECT_TIMEOUT_S)
-        self._http = httpx.Client(base_url=self.server, timeout=timeout)
+        is_near = httpx.URL(self.server).host in ("127.0.0.1", "::1", "localhost")
+        # A proxy of the environment is for the world outside; it cannot reach this machine's own loopback.
+        self._http = httpx.Client(base_url=self.server, timeout=timeout, trust_env=not is_near)
 
     def __enter__(self) -> Self:
         return self

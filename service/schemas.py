@@ -47,7 +47,7 @@ class ProblemItem(Response):
 
 
 class Problem(BaseModel):
-    """An error as RFC 9457 `application/problem+json`. Members without a value are left out."""
+    """An error as RFC 9457 `application/problem+json`; there, members without a value are left out."""
 
     model_config = ConfigDict(extra="allow")
 
