@@ -37,7 +37,9 @@ VerdictStatus = Literal["ok", "units_suspect", "mirrored", "no_match", "under_co
 class Verdict(Record):
     status: VerdictStatus
     confidence: float | None = Field(
-        ge=0, le=1, description="heuristic in this version: fit times margin to the next pose, not calibrated"
+        ge=0,
+        le=1,
+        description="heuristic in this version: closeness of the fit times margin to the next pose; not calibrated",
     )
     findings: list[Finding]
 

@@ -11,6 +11,7 @@ from pipeline.stages.registration import Registration
 
 RIVAL_MARGIN = 1.2  # a second pose with a truncated cost below this many times the best is worth a finding
 WEAK_EIGENVALUE = 1e-3
+LOOSE = 0.4  # of the residual limit: mirrored arches lie at 0.7, depth-camera scans at 0.5 to 0.8, others below 0.2
 
 
 def judge(
@@ -18,7 +19,8 @@ def judge(
 ) -> Verdict:
     """`no_match` when too little of the scan lies on the design, or lies too far off it.
 
-    confidence = fitness x (1 - best cost / second pose's cost): a heuristic, not a calibrated probability.
+    confidence = fitness x (1 - residual / limit) x (1 - best cost / second pose's cost): a heuristic, not a
+    calibrated probability.
     """
     fit, findings = registration.fit, []
     limit_mm = settings.max_residual_share * diagonal_mm
@@ -35,12 +37,21 @@ def judge(
         findings.append(
             Finding(
                 code="high_residual",
-                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
-                f"{registration.inlier_distance_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part",
+                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at "
+                f"most {registration.inlier_distance_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part",
                 value=fit.truncated_rms_mm,
             )
         )
-    matched = bool(not findings)
+    matched = not findings
+    if matched and fit.truncated_rms_mm > LOOSE * limit_mm:
+        findings.append(
+            Finding(
+                code="loose_fit",
+                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS), more than a good scanner "
+                "and printer leave: a rough scan, or a mirrored or similar part; look at the aligned meshes",
+                value=fit.truncated_rms_mm,
+            )
+        )
     margin = 1.0
     if registration.rivals:
         second = registration.rivals[0].cost_mm2
@@ -78,5 +89,6 @@ def judge(
                 value=float(registration.best.iterations),
             )
         )
-    confidence = max(0.0, min(1.0, fit.fitness * margin)) if matched else 0.0
+    closeness = 1.0 - fit.truncated_rms_mm / limit_mm
+    confidence = max(0.0, min(1.0, fit.fitness * closeness * margin)) if matched else 0.0
     return Verdict(status="ok" if matched else "no_match", confidence=confidence, findings=findings)

@@ -75,10 +75,13 @@ def torus(major_mm: float = 5.0, minor_mm: float = 2.0, around: int = 96, across
     return Mesh(vertices, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
 
 
-def bumpy_blob(levels: int = 4, radius_mm: float = 20.0) -> Mesh:
-    """A closed part without any symmetry: an ellipsoid with bumps of several sizes, ~20 mm."""
+def bumpy_blob(levels: int = 4, radius_mm: float = 20.0, triangulation: int | None = None) -> Mesh:
+    """A closed part without any symmetry: an ellipsoid with bumps of several sizes, ~20 mm.
+
+    Every `triangulation` samples the same surface at other points.
+    """
     sphere = icosphere(1.0, levels)
-    n = sphere.vertices
+    n = sphere.vertices if triangulation is None else sphere.vertices @ motion(triangulation)[:3, :3].T
     bumps = [((1, 0.2, 0.1), 0.30, 0.35), ((-0.3, 1, 0.4), 0.22, 0.30), ((0.2, -0.5, 1), 0.26, 0.40)]
     bumps += [((-1, -0.6, 0.3), 0.18, 0.25), ((0.5, 0.5, -1), -0.15, 0.35), ((-0.4, 0.3, -0.9), 0.24, 0.28)]
     height = np.ones(len(n))

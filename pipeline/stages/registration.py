@@ -1,6 +1,6 @@
 """From seeds to the final pose: ICP on the exact design surface, and what the result is worth in numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from pipeline.stages.matching import Matching
 
 MAX_RIVALS = 3
 RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
-COMPLETE_POINTS = 2_000
+TRIAL_POINTS = 2_000
+TRIAL_ITERATIONS = 40  # enough to tell the seeds apart; the best goes on from there
+APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
 COVERAGE_POINTS = 10_000
 TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
 
@@ -76,42 +78,35 @@ def register(
     """
     diagonal = design.mesh.diagonal_mm
     inlier = settings.inlier_share * diagonal
-    points, normals = _scan_points(scan, settings.sample_points, seed)
-    equal = np.full(len(points), 1.0 / len(points))
+    every = _scan_points(scan, settings.sample_points, seed)
+    few = _scan_points(scan, TRIAL_POINTS, seed)
 
-    def cost(T: FloatArray) -> float:
-        distance = design.closest(rigid.transformed(T, points)).distance
-        return float(np.mean(np.minimum(distance, inlier) ** 2))
-
-    def refined(T: FloatArray, facing: float) -> Pose:
+    def refined(T: FloatArray, facing: float, points: ScanPoints, max_iterations: int) -> Pose:
         done = icp.refine(
-            points,
-            None if normals is None else facing * normals,
-            equal,
+            points.points,
+            None if points.normals is None else facing * points.normals,
+            points.weights,
             design,
             T,
             max_distance_mm=inlier,
-            max_iterations=settings.max_iterations,
+            max_iterations=max_iterations,
             tolerance_mm=TOLERANCE_SHARE * diagonal,
         )
-        return Pose(done.T_target_source, cost(done.T_target_source), done.converged, done.iterations)
+        T = done.T_target_source
+        return Pose(T, _truncated_cost(T, points, design, inlier), done.converged, done.iterations)
 
-    first = matching.hypotheses[0]
-    seeds = [(first.T_design_scan, first.facing, first.source)]
-    if matching.T_landmarks is not None and cost(matching.T_landmarks) <= 2 * cost(first.T_design_scan):
-        seeds[0] = (matching.T_landmarks, first.facing, "landmarks")
-    seeds += [
-        (rival.T_design_scan, rival.facing, rival.source)
-        for rival in matching.hypotheses[1 : 1 + MAX_RIVALS]
-        if rival.cost_mm2 <= RIVAL_COST * max(first.cost_mm2, 1e-12 * diagonal**2)
-    ]
-    found = [(refined(T, facing), source) for T, facing, source in seeds]
-    found.sort(key=lambda pair: pair[0].cost_mm2)  # stable: of equal ones the earlier hypothesis
-    best, source = found[0]
+    def trial(seed_pose: Seed) -> Pose:
+        return refined(seed_pose.T_design_scan, seed_pose.facing, few, min(settings.max_iterations, TRIAL_ITERATIONS))
+
+    seeds = _seeds(matching, few, design, inlier)
+    # sorted() is stable: of equally good ones the earlier hypothesis comes first
+    tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
+    first, source = tried[0]
+    best = refined(first.T_design_scan, source.facing, every, settings.max_iterations)
     rivals = tuple(
-        pose
-        for pose, _ in found[1:]
-        if rigid.rms_displacement(pose.T_design_scan, best.T_design_scan, points) > 0.02 * diagonal
+        replace(pose, cost_mm2=_truncated_cost(pose.T_design_scan, every, design, inlier))
+        for pose, _ in tried[1:]
+        if rigid.rms_displacement(pose.T_design_scan, best.T_design_scan, few.points) > APART_SHARE * diagonal
     )
     complete = _complete(scan, design, settings, diagonal, seed)
     final = fit(scan, design, best.T_design_scan, inlier)
@@ -120,14 +115,14 @@ def register(
         best=best,
         rivals=rivals,
         fit=final,
-        seed=source,
+        seed=source.source,
         inlier_distance_mm=inlier,
         rmse_initial_mm=fit(scan, design, np.eye(4), inlier).rmse_mm,
         rmse_landmarks_mm=None if T_landmarks is None else fit(scan, design, T_landmarks, inlier).rmse_mm,
         rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
         design_coverage=_coverage(scan.moved(best.T_design_scan), design.mesh, inlier, seed),
         eigenvalues=observability(final, scan.weights(), inlier),
-        isotropic_scale=isotropic_scale(points, equal, design, best.T_design_scan, inlier),
+        isotropic_scale=isotropic_scale(every.points, every.weights, design, best.T_design_scan, inlier),
     )
 
 
@@ -166,21 +161,60 @@ def observability(fit: Fit, weights: FloatArray, inlier_distance_mm: float) -> F
     return np.maximum(np.linalg.eigvalsh(np.einsum("k,ki,kj->ij", w, J, J)), 0.0)
 
 
-def _scan_points(scan: Mesh, count: int, seed: int) -> tuple[FloatArray, FloatArray | None]:
-    """Points for the ICP, each for the same share of the scan; a cloud has no normals to compare."""
+@dataclass(frozen=True, slots=True)
+class ScanPoints:
+    """points : (k, 3), each for the same share of the scan; normals : (k, 3), None for a cloud; weights : (k,) sum 1"""
+
+    points: FloatArray
+    normals: FloatArray | None
+    weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Seed:
+    """Where an ICP starts; source : `landmarks`, `dense` or `axes`"""
+
+    T_design_scan: FloatArray
+    facing: float
+    source: str
+
+
+def _seeds(matching: Matching, points: ScanPoints, design: Surface, inlier_distance_mm: float) -> list[Seed]:
+    """The fit of the matched landmarks, or the best hypothesis where that lies clearly better; then its rivals."""
+    first, *others = matching.hypotheses
+    seeds = [Seed(first.T_design_scan, first.facing, first.source)]
+    if matching.T_landmarks is not None:
+        by_landmarks = _truncated_cost(matching.T_landmarks, points, design, inlier_distance_mm)
+        if by_landmarks <= 2 * _truncated_cost(first.T_design_scan, points, design, inlier_distance_mm):
+            seeds = [Seed(matching.T_landmarks, first.facing, "landmarks")]
+    worst = RIVAL_COST * max(first.cost_mm2, 1e-12 * design.mesh.diagonal_mm**2)
+    seeds += [Seed(rival.T_design_scan, rival.facing, rival.source) for rival in others if rival.cost_mm2 <= worst]
+    return seeds[: 1 + MAX_RIVALS]
+
+
+def _truncated_cost(T: FloatArray, points: ScanPoints, design: Surface, inlier_distance_mm: float) -> float:
+    distance = design.closest(rigid.transformed(T, points.points)).distance
+    return float(points.weights @ np.minimum(distance, inlier_distance_mm) ** 2)
+
+
+def _scan_points(scan: Mesh, count: int, seed: int) -> ScanPoints:
+    """Points for the ICP; a cloud has no normals to compare."""
     if scan.is_cloud:
-        chosen = np.random.default_rng(seed).permutation(len(scan.vertices))[:count]
-        return scan.vertices[np.sort(chosen)], None
+        chosen = np.sort(np.random.default_rng(seed).permutation(len(scan.vertices))[:count])
+        return ScanPoints(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)))
     samples = sampling.on_surface(scan, count, seed)
-    return samples.points, samples.normals
+    return ScanPoints(samples.points, samples.normals, np.full(count, 1.0 / count))
 
 
 def _complete(scan: Mesh, design: Surface, settings: RegistrationSettings, diagonal: float, seed: int) -> FloatArray:
     """T_design_scan of plain ICP from the uploaded pose, without landmarks: the comparison for K."""
-    points, _ = _scan_points(scan, COMPLETE_POINTS, seed)
-    equal = np.full(len(points), 1.0 / len(points))
+    few = _scan_points(scan, TRIAL_POINTS, seed)
     return icp.complete_shape(
-        points, equal, design, max_iterations=settings.max_iterations, tolerance_mm=TOLERANCE_SHARE * diagonal
+        few.points,
+        few.weights,
+        design,
+        max_iterations=settings.max_iterations,
+        tolerance_mm=TOLERANCE_SHARE * diagonal,
     ).T_target_source
 
 

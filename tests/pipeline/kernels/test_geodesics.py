@@ -25,7 +25,7 @@ def blob() -> tuple[GeodesicSolver, FloatArray]:
 def two_pieces() -> Mesh:
     one, other = shapes.icosphere(3.0, 2), shapes.icosphere(2.0, 1)
     return Mesh(
-        np.concatenate([one.vertices, other.vertices + [20.0, 0, 0]]),
+        np.concatenate([one.vertices, other.vertices + np.array([20.0, 0, 0])]),
         np.concatenate([one.faces, other.faces + len(one.vertices)]),
     )
 
