@@ -5,7 +5,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -14,7 +14,7 @@ MIB = 1024 * 1024
 class ServiceSettings(BaseSettings):
     """One object for the API, the worker and the command line; only `cusp` reads the environment."""
 
-    model_config = SettingsConfigDict(env_prefix="CUSP_", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(env_prefix="CUSP_", frozen=True, extra="ignore", validate_default=True)
 
     data_dir: Path = Field(Path("cusp-data"), description="databases, blobs, results and temporary files")
     host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs allow_open")
@@ -28,6 +28,12 @@ class ServiceSettings(BaseSettings):
     worker_id: str = Field("worker-1", min_length=1, description="name of the worker; stays the same over restarts")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
     log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
+
+    @field_validator("data_dir", mode="after")
+    @classmethod
+    def _absolute(cls, data_dir: Path) -> Path:
+        """Jobs run in folders of their own: a path relative to where `cusp up` was called would lead nowhere there."""
+        return data_dir.expanduser().absolute()
 
     @model_validator(mode="after")
     def _closed_unless_allowed(self) -> Self:

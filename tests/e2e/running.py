@@ -51,9 +51,11 @@ class RunningService:
         self.log = data_dir.with_suffix(".log")
         self.port = free_port()
         self.client = Client(f"http://127.0.0.1:{self.port}")
-        command = [sys.executable, "-m", "service.cli", "up", "--port", str(self.port), "--data-dir", str(data_dir)]
+        command = [sys.executable, "-m", "service.cli", "up", "--port", str(self.port)]
+        command += ["--data-dir", data_dir.name]  # relative, as people type it
         with self.log.open("ab") as log:
-            self.parent = psutil.Popen(command, stderr=log, env={**os.environ, **environment})
+            environment = {**os.environ, **environment}
+            self.parent = psutil.Popen(command, stderr=log, env=environment, cwd=data_dir.parent)
         wait_until(self._is_up, START_TIMEOUT_S, "the service to start")
 
     def _is_up(self) -> bool:

@@ -28,5 +28,12 @@ def test_a_child_process_gets_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert all(name.startswith("CUSP_") for name in given.environment())
 
 
+def test_a_relative_data_folder_is_made_absolute(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Jobs run in folders of their own, where a relative path would lead nowhere; the default is relative too."""
+    monkeypatch.chdir(tmp_path)
+    assert ServiceSettings(data_dir=Path("here")).data_dir == tmp_path / "here"
+    assert ServiceSettings().data_dir == tmp_path / "cusp-data"
+
+
 def test_every_setting_is_described() -> None:
     assert all(field.description for field in ServiceSettings.model_fields.values())

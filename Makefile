@@ -1,0 +1,62 @@
+# Two commands for a newcomer: `make demo` and `make test`. Each sets up what it needs.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+# What the wheels of open3d and pymeshlab load, a compiler for the native kernels, and venv itself.
+SYSTEM := libegl1 libgl1 libopengl0 libusb-1.0-0 g++ python3-venv
+HOST ?= 127.0.0.1
+PORT ?= 8000
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo serve test check format bench openapi clean
+
+help: ## list the commands
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+setup: $(READY) ## make .venv with everything installed
+
+$(READY): pyproject.toml constraints.txt
+	@missing=""; for package in $(SYSTEM); do \
+	    dpkg-query -W -f '$${Status}' $$package 2>/dev/null | grep -q 'install ok' || missing="$$missing $$package"; \
+	done; \
+	if [ -z "$$missing" ] || ! command -v dpkg-query >/dev/null; then exit 0; fi; \
+	if [ "$$(id -u)" = 0 ]; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing >/dev/null; \
+	else \
+	    echo "System libraries are missing. Run this once, then make again:"; \
+	    echo "    sudo apt-get install -y --no-install-recommends$$missing"; exit 1; \
+	fi
+	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed: make PYTHON=python3.11 ..."'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	-@$(BIN)/python -m compileall -q $(VENV)/lib >/dev/null 2>&1 # start-up in 2 s also where Python writes no caches
+	$(BIN)/python -c 'import pipeline; pipeline.preload()'
+	@touch $@
+
+demo: $(READY) ## register a dental arch by formula to its "print", through the whole service
+	$(BIN)/cusp demo
+
+serve: $(READY) ## start the service on HOST:PORT
+	$(BIN)/cusp up --host $(HOST) --port $(PORT)
+
+test: $(READY) ## all tests; those marked `data` need CUSP_DATA
+	$(BIN)/python -m pytest
+
+check: $(READY) ## ruff, and mypy strict on both packages
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(READY) ## put the code in shape
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+openapi: $(READY) ## write openapi/openapi.json and its examples
+	$(BIN)/cusp openapi
+
+bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on real ones
+	$(BIN)/python -m tests.accuracy.bench
+
+clean: ## remove what setup and the tools made
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
