@@ -1,0 +1,51 @@
+"""The main job on real meshes: arches against moved, re-triangulated, noisy copies, and real depth-camera pairs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pipeline
+from pipeline.kernels import rigid
+from tests.accuracy.bench import printed, read, save
+
+pytestmark = pytest.mark.data
+
+
+@pytest.mark.parametrize("name", ["arch_001C.ply", "arch_022C.ply", "arch_h1.obj"])
+def test_an_arch_is_found_within_one_percent_of_its_diagonal(name: str, data: Path, tmp_path: Path) -> None:
+    design = read(data / "dental" / name)
+    scan, truth = printed(design, seed=1)
+    result = pipeline.register(data / "dental" / name, save(scan, tmp_path / "scan.ply"))
+    assert result.verdict.status == "ok" and result.transform is not None
+    error_mm = rigid.rms_displacement(np.array(result.transform.matrix), truth, scan.vertices)
+    assert error_mm < 0.01 * design.diagonal_mm
+    assert len(result.landmarks.matches) >= 10
+
+
+@pytest.mark.parametrize("kind", ["mesh", "points"])
+@pytest.mark.parametrize("name", ["pendulum", "separator"])
+def test_a_depth_camera_scan_is_found_within_five_percent(name: str, kind: str, data: Path) -> None:
+    folder = data / "pairs" / name
+    result = pipeline.register(folder / "cad_mm.stl", folder / f"scan_mm_{kind}.ply")
+    assert result.transform is not None
+    found = np.array(result.transform.matrix)
+    design, scan = read(folder / "cad_mm.stl"), read(folder / f"scan_mm_{kind}.ply")
+    poses = json.loads((folder / "gt.json").read_text())["T_scan_from_cad"]
+    errors_mm = [rigid.rms_displacement(found, np.linalg.inv(np.array(pose)), scan.vertices) for pose in poses]
+    assert min(errors_mm) < 0.05 * design.diagonal_mm
+
+
+def test_another_patients_arch_is_no_match(data: Path) -> None:
+    result = pipeline.register(data / "dental" / "arch_001C.ply", data / "dental" / "arch_022C.ply")
+    assert result.verdict.status == "no_match" and result.transform is None
+
+
+def test_a_plate_of_eleven_parts_is_analysed(data: Path) -> None:
+    """3MF with build transforms and several pieces, against itself."""
+    plate = data / "cad" / "so100_mini_plate.3mf"
+    result = pipeline.register(plate, plate)
+    assert result.verdict.status == "ok"
+    assert result.segments.design.count >= 11
+    assert result.metrics.rmse_mm == pytest.approx(0, abs=1e-6)
