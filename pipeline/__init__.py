@@ -7,10 +7,10 @@
 Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first call that computes.
 """
 
-from pipeline.door import MeshFile, preload, register
+from pipeline.door import MeshFile, find_segments, preload, register
 from pipeline.errors import PipelineError
 from pipeline.formats import HEAD_BYTES, Format, detect_format
-from pipeline.outcome import RegistrationResult
+from pipeline.outcome import RegistrationResult, SegmentsResult
 from pipeline.progress import OnProgress, Progress, Stage
 from pipeline.settings import Settings, Unit
 
@@ -22,10 +22,12 @@ __all__ = [
     "PipelineError",
     "Progress",
     "RegistrationResult",
+    "SegmentsResult",
     "Settings",
     "Stage",
     "Unit",
     "detect_format",
+    "find_segments",
     "preload",
     "register",
 ]

@@ -12,7 +12,7 @@ from pipeline.progress import Stage
 from pipeline.settings import Settings
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.features import features, features_radius_mm
-from pipeline.stages.geodesics import geodesics
+from pipeline.stages.geodesics import Geodesics, geodesics
 from pipeline.stages.landmarks import LandmarkSet, landmarks
 from pipeline.stages.load import Loaded, load
 from pipeline.stages.resample import Resampled, resample, working_edge_mm
@@ -34,6 +34,15 @@ class Scales:
             working_edge_mm(area, settings.resample.target_vertices),
             features_radius_mm(area, settings.features),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """One mesh in segments: its working mesh, the distances on that, the segments by them."""
+
+    resampled: Resampled
+    distances: Geodesics
+    segmentation: Segmentation
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,21 +68,27 @@ def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_s
         return loaded, clean(loaded.mesh, name, settings.clean)
 
 
-def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch) -> Analysis:
-    """Section 1 of the method, steps 1 to 4."""
+def cut(mesh: Mesh, name: str, edge_mm: float, settings: Settings, watch: Watch, seed: int) -> Cut:
+    """Section 1 of the method, steps 1 and 2, on a working mesh with edges of `edge_mm`."""
     with watch.stage(Stage.RESAMPLE, name):
-        resampled = resample(mesh, name, scales.edge_mm, settings.resample)
+        resampled = resample(mesh, name, edge_mm, settings.resample)
     working = resampled.mesh
     with watch.stage(Stage.GEODESICS, name):
         distances = geodesics(working, name, settings.segmentation.quantile)
     with watch.stage(Stage.SEGMENTATION, name):
-        segmentation = segment(working, name, distances, settings.segmentation)
+        return Cut(resampled, distances, segment(working, name, distances, settings.segmentation, seed))
+
+
+def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Analysis:
+    """Section 1 of the method, steps 1 to 4."""
+    found = cut(mesh, name, scales.edge_mm, settings, watch, seed)
+    working, distances, segmentation = found.resampled.mesh, found.distances, found.segmentation
     with watch.stage(Stage.FEATURES, name):
         measured = features(working, distances.solver, scales.radius_mm, settings.features)
     with watch.stage(Stage.LANDMARKS, name):
-        found = landmarks(working, segmentation, measured, settings.landmarks)
-    _, vertices = nearest(mesh.vertices, found.position_mm)
-    return Analysis(mesh, resampled, segmentation, found, vertices, distances.warnings)
+        marked = landmarks(working, segmentation, measured, settings.landmarks)
+    _, vertices = nearest(mesh.vertices, marked.position_mm)
+    return Analysis(mesh, found.resampled, segmentation, marked, vertices, distances.warnings)
 
 
 def landmark_records(analysis: Analysis) -> list[Landmark]:
@@ -93,18 +108,26 @@ def landmark_records(analysis: Analysis) -> list[Landmark]:
 
 
 def segments_record(analysis: Analysis, settings: Settings) -> Segments:
-    """Centres are given as the cleaned mesh's nearest vertex; `size` counts cleaned vertices."""
-    segmentation = analysis.segmentation
-    positions = analysis.resampled.mesh.vertices[segmentation.centres]
-    _, vertices = nearest(analysis.mesh.vertices, positions)
-    sizes = np.bincount(segmentation.labels[analysis.resampled.working_of_clean], minlength=len(segmentation.centres))
+    return cut_record(
+        analysis.mesh, analysis.resampled, analysis.segmentation, settings, limit_share=analysis.landmarks.limit_share
+    )
+
+
+def cut_record(
+    mesh: Mesh, resampled: Resampled, segmentation: Segmentation, settings: Settings, *, limit_share: float | None
+) -> Segments:
+    """Centres are given as the nearest vertex of `mesh`, the cleaned one; `size` counts its vertices."""
+    positions = resampled.mesh.vertices[segmentation.centres]
+    _, vertices = nearest(mesh.vertices, positions)
+    sizes = np.bincount(segmentation.labels[resampled.working_of_clean], minlength=len(segmentation.centres))
     return Segments(
         count=len(segmentation.centres),
+        method=settings.segmentation.method,
         metric=settings.geodesics.metric,
         density=settings.segmentation.density,
         d_c=segmentation.d_c_mm,
         halo_fraction=float(segmentation.halo.mean()),
-        limit_share=analysis.landmarks.limit_share,
+        limit_share=limit_share,
         centres=[
             Centre(
                 segment=number,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.outcome import RegistrationResult
+from pipeline.outcome import RegistrationResult, SegmentsResult
 from pipeline.progress import OnProgress, ignore
 from pipeline.settings import Settings, Unit
 
@@ -56,6 +56,40 @@ def register(
     )
 
 
+def find_segments(
+    mesh: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> SegmentsResult:
+    """Cut one mesh into segments, by density peaks or by what `settings.segmentation.method` says.
+
+    Parameters
+    ----------
+    mesh : a file with triangles or points
+    out : folder for mesh.segments.ply (coloured by segment, halo pale), mesh.vertices.csv, mesh.decision_graph.svg
+        and results.json; None writes nothing and `files` is empty
+    seed : of the draws of some methods; the same seed, file and settings give the same bytes
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable, has no usable surface, or only pieces too small to have a centre.
+    """
+    from pipeline.run import run_segments
+
+    return run_segments(
+        _mesh_file(mesh),
+        settings=settings or Settings(),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
 def preload() -> None:
     """Import everything a job needs, so that a process forked from this one starts at once.
 
@@ -64,10 +98,13 @@ def preload() -> None:
     RuntimeError
         When a library or one of the pymeshlab filters in use is missing (a missing `libopengl0` does that).
     """
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure
+
     from pipeline import run
     from pipeline.kernels import remesh
 
-    del run
+    del run, matplotlib
     remesh.assert_filters()
 
 

@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.settings import SegmentationMethod
+
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
 
@@ -120,17 +122,24 @@ class Centre(Record):
 
 class Segments(Record):
     count: int
+    method: SegmentationMethod
     metric: Literal["surface"]
     density: Literal["vertex", "area"]
     d_c: float = Field(description="cut-off distance in mm")
     halo_fraction: float = Field(description="share of the working vertices that are halo")
-    limit_share: float = Field(description="share of the working vertices beyond the T^2 limit")
+    limit_share: float | None = Field(
+        description="share of the working vertices beyond the T^2 limit; null: no landmarks were looked for"
+    )
     centres: list[Centre]
 
 
 class SegmentsPair(Record):
     design: Segments
     scan: Segments | None = Field(description="null: the scan has no surface to segment")
+
+
+class SegmentsOfMesh(Record):
+    mesh: Segments
 
 
 class SegmentDeviation(Record):
@@ -203,12 +212,25 @@ class Inputs(Record):
     scan: Input
 
 
-class Provenance(Record):
-    inputs: Inputs
+class OneInput(Record):
+    mesh: Input
+
+
+class MadeBy(Record):
+    """What made a result, beside its inputs."""
+
     version: str
     libraries: dict[str, str]
     settings: dict[str, Any]
     seed: int
+
+
+class Provenance(MadeBy):
+    inputs: Inputs
+
+
+class OneProvenance(MadeBy):
+    inputs: OneInput
 
 
 class RegistrationResult(Record):
@@ -226,6 +248,18 @@ class RegistrationResult(Record):
     observability: Observability | None
     scale: Scale | None
     provenance: Provenance
+    timings_s: dict[str, float]
+    files: list[str]
+    warnings: list[Note]
+
+
+class SegmentsResult(Record):
+    """What `find_segments` found in one mesh. The centres' `vertex` is one of `mesh.segments.ply`."""
+
+    schema_version: Literal["1"] = "1"
+    type: Literal["segments"] = "segments"
+    segments: SegmentsOfMesh
+    provenance: OneProvenance
     timings_s: dict[str, float]
     files: list[str]
     warnings: list[Note]

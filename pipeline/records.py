@@ -1,6 +1,7 @@
 """From what the stages know to what a client reads: each function fills one part of `outcome.RegistrationResult`."""
 
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,6 +17,8 @@ from pipeline.outcome import (
     Metrics,
     Note,
     Observability,
+    OneInput,
+    OneProvenance,
     Provenance,
     Scale,
     Transform,
@@ -27,7 +30,7 @@ from pipeline.stages.load import Loaded
 from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration, fit
 
-_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scipy", "trimesh")
+_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh")
 
 
 def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded) -> Transform:
@@ -115,10 +118,10 @@ def input_record(loaded: Loaded, cleaned: Cleaned) -> Input:
     )
 
 
-def input_warnings(design: Cleaned, scan: Cleaned) -> list[Note]:
+def input_warnings(**inputs: Cleaned) -> list[Note]:
     """What cleaning did that a person should look at."""
     notes = []
-    for name, cleaned in (("design", design), ("scan", scan)):
+    for name, cleaned in inputs.items():
         dropped = int(cleaned.report.get("non_manifold_faces", 0))
         if dropped:
             detail = f"{name}: {dropped} triangles at edges shared by more than two were dropped"
@@ -133,10 +136,18 @@ def input_warnings(design: Cleaned, scan: Cleaned) -> list[Note]:
 
 
 def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:
-    return Provenance(
-        inputs=inputs,
-        version=version("cusp"),
-        libraries={name: version(name) for name in _LIBRARIES},
-        settings=settings.model_dump(mode="json"),
-        seed=seed,
-    )
+    return Provenance(inputs=inputs, **_made_by(settings, seed))
+
+
+def one_provenance(mesh: Input, settings: Settings, seed: int) -> OneProvenance:
+    return OneProvenance(inputs=OneInput(mesh=mesh), **_made_by(settings, seed))
+
+
+def _made_by(settings: Settings, seed: int) -> dict[str, Any]:
+    """The fields of `outcome.MadeBy`."""
+    return {
+        "version": version("cusp"),
+        "libraries": {name: version(name) for name in _LIBRARIES},
+        "settings": settings.model_dump(mode="json"),
+        "seed": seed,
+    }

@@ -5,11 +5,12 @@ geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -
 
 from pathlib import Path
 
-from pipeline import records
-from pipeline.analysis import Scales, analyse, landmark_records, read, segments_record
+from pipeline import decision_graph, palette, records
+from pipeline import watch as shares
+from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record
 from pipeline.door import MeshFile
 from pipeline.kernels.surface import Surface
-from pipeline.outcome import Inputs, Landmarks, RegistrationResult, SegmentsPair
+from pipeline.outcome import Inputs, Landmarks, RegistrationResult, SegmentsOfMesh, SegmentsPair, SegmentsResult
 from pipeline.progress import OnProgress, Stage
 from pipeline.settings import Settings
 from pipeline.stages import report
@@ -31,13 +32,13 @@ def run_registration(
     on_progress: OnProgress,
 ) -> RegistrationResult:
     """See `pipeline.register`."""
-    watch = Watch(on_progress)
+    watch = Watch(on_progress, shares.REGISTRATION)
     loaded_design, clean_design = read(design_file, "design", settings, watch, needs_surface=True)
     loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
 
     scales = Scales.of(clean_design.mesh, settings)
-    design = analyse(clean_design.mesh, "design", scales, settings, watch)
-    scan = analyse(clean_scan.mesh, "scan", scales, settings, watch)
+    design = analyse(clean_design.mesh, "design", scales, settings, watch, seed)
+    scan = analyse(clean_scan.mesh, "scan", scales, settings, watch, seed)
 
     with watch.stage(Stage.MATCHING):
         matching = match(
@@ -69,7 +70,10 @@ def run_registration(
             if settings.report.write_files:
                 for name, analysis in (("design", design), ("scan", scan)):
                     report.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
-                    report.write_vertices(out / f"{name}.vertices.csv", analysis)
+                    report.write_vertices(
+                        *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
+                        *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
+                    )
                     files += [f"{name}.clean.ply", f"{name}.vertices.csv"]
                 report.write_landmarks(out / "landmarks.csv", landmarks)
                 files.append("landmarks.csv")
@@ -98,7 +102,47 @@ def run_registration(
         ),
         timings_s=watch.timings_s(),
         files=sorted(files),
-        warnings=[*design.warnings, *scan.warnings, *records.input_warnings(clean_design, clean_scan)],
+        warnings=[*design.warnings, *scan.warnings, *records.input_warnings(design=clean_design, scan=clean_scan)],
+    )
+    if out is not None:
+        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return result
+
+
+def run_segments(
+    file: MeshFile,
+    *,
+    settings: Settings,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+) -> SegmentsResult:
+    """See `pipeline.find_segments`."""
+    watch = Watch(on_progress, shares.SEGMENTS)
+    loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=False)
+    mesh = cleaned.mesh
+    found = cut(mesh, "mesh", Scales.of(mesh, settings).edge_mm, settings, watch, seed)
+    segmentation, working_of_clean = found.segmentation, found.resampled.working_of_clean
+
+    files: list[str] = []
+    if out is not None:
+        with watch.stage(Stage.REPORT):
+            out.mkdir(parents=True, exist_ok=True)
+            if settings.report.write_files:
+                colours = palette.of_vertices(segmentation.labels, segmentation.halo)[working_of_clean]
+                report.write_mesh(out / "mesh.segments.ply", mesh, colours)
+                report.write_vertices(out / "mesh.vertices.csv", mesh, working_of_clean, segmentation)
+                decision_graph.write(out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation)
+                files += ["mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"]
+            files.append("results.json")
+
+    record = cut_record(mesh, found.resampled, segmentation, settings, limit_share=None)
+    result = SegmentsResult(
+        segments=SegmentsOfMesh(mesh=record),
+        provenance=records.one_provenance(records.input_record(loaded, cleaned), settings, seed),
+        timings_s=watch.timings_s(),
+        files=sorted(files),
+        warnings=[*found.distances.warnings, *records.input_warnings(mesh=cleaned)],
     )
     if out is not None:
         (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")

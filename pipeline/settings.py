@@ -9,6 +9,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Unit = Literal["auto", "mm", "cm", "m", "inch"]
+SegmentationMethod = Literal["cfsfdp", "kmeans", "fuzzy_cmeans", "kmedians", "kcenters", "gaussian_mixture"]
 
 
 class Section(BaseModel):
@@ -55,8 +56,11 @@ class GeodesicsSettings(Section):
 
 
 class SegmentationSettings(Section):
-    """Density peaks: Rodriguez & Laio 2014."""
+    """Density peaks: Rodriguez & Laio 2014; the other methods are for comparison (the paper's figure 1)."""
 
+    method: SegmentationMethod = Field(
+        "cfsfdp", description="density peaks, or a clustering of vertex positions to compare with"
+    )
     quantile: float = Field(0.02, gt=0, lt=1, description="d_c is this quantile of all pairwise distances")
     density: Literal["vertex", "area"] = Field(
         "area", description="what eq. 1 counts inside d_c: vertices (paper) or the area they stand for"

@@ -17,6 +17,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("register")(cli_jobs.register)
+app.command("segment")(cli_jobs.segment)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
 

@@ -1,19 +1,19 @@
-"""Commands that register meshes: without a server, through one, and the demonstration."""
+"""Commands on meshes: without a server, through one, and the demonstration."""
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, get_args
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from pipeline import MeshFile, PipelineError
+from pipeline import MeshFile, PipelineError, Unit, find_segments
 from pipeline import register as register_meshes
 from service.client import Client, ServiceProblem, ServiceUnreachable
 from service.errors import ServiceError
 from service.options import parse_options, resolve_settings
-from service.report import print_results
+from service.report import print_results, print_segments
 
 EXIT_OTHER_VERDICT = 3
 DEFAULT_SERVER = "http://127.0.0.1:8000"
@@ -61,6 +61,48 @@ def register(
     except (PipelineError, ServiceError) as error:
         _refuse(error.detail)
     _conclude(json.loads(result.model_dump_json()), out, as_json)
+
+
+def segment(
+    mesh: MeshPath,
+    method: Annotated[
+        str | None, typer.Option(help="cfsfdp, kmeans, fuzzy_cmeans, kmedians, kcenters or gaussian_mixture")
+    ] = None,
+    n_centres: Annotated[int | None, typer.Option(help="number of segments; else what density peaks find")] = None,
+    out: Annotated[Path, typer.Option(help="folder for results.json and the files")] = Path("cusp-segments"),
+    preset: Preset = "default",
+    unit: UnitOption = "auto",
+    seed: Seed = 0,
+    settings: SettingsFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Cut MESH into segments here, without a server: coloured PLY, table, decision graph. Exit code 1: bad input."""
+    chosen = {"method": method, "n_centres": n_centres}
+    try:
+        meant = next((each for each in get_args(Unit) if each == unit), None)
+        if meant is None:
+            _refuse(f"--unit {unit}: must be one of {', '.join(get_args(Unit))}")
+        given = _options(preset, None, "auto", "auto", seed, settings)
+        sections: dict[str, Any] = parse_options(given).settings
+        over = {key: value for key, value in chosen.items() if value is not None}
+        given["settings"] = sections | {"segmentation": sections.get("segmentation", {}) | over}
+        options = parse_options(given)
+        with _bar() as bar:
+            task = bar.add_task("starting", total=100.0)
+            result = find_segments(
+                MeshFile(mesh, unit=meant, filename=mesh.name),
+                settings=resolve_settings(options),
+                seed=options.seed,
+                out=out,
+                on_progress=lambda step: bar.update(task, completed=step.percent, description=step.message),
+            )
+    except (PipelineError, ServiceError) as error:
+        _refuse(error.detail)
+    results = json.loads(result.model_dump_json())
+    if as_json:
+        typer.echo(json.dumps(results, indent=2))
+    else:
+        print_segments(results, out, Console())
 
 
 def submit(

@@ -1,4 +1,4 @@
-"""Results on a terminal: the verdict, the transform and the RMSEs."""
+"""Results on a terminal: the verdict, the transform and the RMSEs; or the segments."""
 
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,20 @@ def print_results(results: dict[str, Any], out: Path | None, console: Console) -
         value = results["metrics"][key]
         table.add_row(words, "-" if value is None else f"{value:.4f}")
     console.print(table)
+    _print_end(results, out, console)
+
+
+def print_segments(results: dict[str, Any], out: Path | None, console: Console) -> None:
+    """A summary of the results.json of `find_segments` for a person."""
+    segments = results["segments"]["mesh"]
+    console.print(f"segments: [bold]{segments['count']}[/bold] by {segments['method']}", highlight=False)
+    console.print(f"d_c: {segments['d_c']:.4g} mm", highlight=False)
+    console.print(f"halo: {segments['halo_fraction']:.1%} of the working vertices", highlight=False)
+    _print_end(results, out, console)
+
+
+def _print_end(results: dict[str, Any], out: Path | None, console: Console) -> None:
+    """Warnings, and where the files are."""
     for warning in results["warnings"]:
         console.print(f"warning: {warning['code']}: {warning['detail']}", highlight=False, markup=False)
     if out is not None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
-from pipeline.analysis import Analysis
-from pipeline.mesh import Mesh
+from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.outcome import Landmark, Landmarks
+from pipeline.stages.segmentation import Segmentation
 
 VERTEX_COLUMNS = ("vertex", "x_mm", "y_mm", "z_mm", "segment", "halo", "rho", "delta", "t2", "landmark")
 LANDMARK_COLUMNS = (
@@ -18,30 +18,45 @@ LANDMARK_COLUMNS = (
 )
 
 
-def write_mesh(path: Path, mesh: Mesh) -> None:
-    """Binary PLY in double precision: the vertices are exactly those that results index."""
+def write_mesh(path: Path, mesh: Mesh, colours: FloatArray | None = None) -> None:
+    """Binary PLY in double precision: the vertices are exactly those that results index.
+
+    colours : (n, 3) red, green, blue in [0, 1], or none in the file
+    """
     vertices = o3d.utility.Vector3dVector(np.array(mesh.vertices))
+    painted = o3d.utility.Vector3dVector(np.zeros((0, 3)) if colours is None else colours)
     if mesh.is_cloud:
-        written = o3d.io.write_point_cloud(str(path), o3d.geometry.PointCloud(vertices))
+        cloud = o3d.geometry.PointCloud(vertices)
+        cloud.colors = painted
+        written = o3d.io.write_point_cloud(str(path), cloud)
     else:
         faces = o3d.utility.Vector3iVector(np.array(mesh.faces))
         shape = o3d.geometry.TriangleMesh(vertices, faces)
+        shape.vertex_colors = painted
         written = o3d.io.write_triangle_mesh(str(path), shape, write_vertex_normals=False)
     if not written:
         raise OSError(f"{path.name} could not be written")
 
 
-def write_vertices(path: Path, analysis: Analysis) -> None:
-    """One row a vertex of the cleaned mesh, in the mesh's own frame; values from the nearest surface point of the
-    working mesh.
+def write_vertices(
+    path: Path,
+    mesh: Mesh,
+    working_of_clean: IndexArray,
+    segmentation: Segmentation,
+    t2: FloatArray | None = None,
+    landmark_vertices: IndexArray | None = None,
+) -> None:
+    """One row a vertex of `mesh`, the cleaned one, in its own frame; values from the nearest surface point of the
+    working mesh. Where no landmarks were looked for (`t2` and `landmark_vertices` None), t2 and landmark are 0.
     """
-    working = analysis.resampled.working_of_clean
-    segmentation, t2 = analysis.segmentation, analysis.landmarks.t2_all
+    working = working_of_clean
+    t2 = np.zeros(len(segmentation.labels)) if t2 is None else t2
     marked = np.zeros(len(working), dtype=np.int64)
-    marked[analysis.landmark_vertices] = 1
+    if landmark_vertices is not None:
+        marked[landmark_vertices] = 1
     columns: list[Sequence[object]] = [
         range(len(working)),
-        *(analysis.mesh.vertices[:, k].tolist() for k in range(3)),
+        *(mesh.vertices[:, k].tolist() for k in range(3)),
         segmentation.labels[working].tolist(),
         segmentation.halo[working].astype(int).tolist(),
         segmentation.rho[working].tolist(),

@@ -1,11 +1,11 @@
 """Cut the surface into segments at its density peaks (CFSFDP with geodesic distances)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.errors import ComponentsTooSmall
-from pipeline.kernels import density_peaks
+from pipeline.kernels import clusterings, density_peaks
 from pipeline.kernels.nearest import nearest
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.settings import SegmentationSettings
@@ -17,7 +17,8 @@ class Segmentation:
     """On the working mesh; rho and delta are the decision graph.
 
     labels : (n,) int32 >= 0; halo : (n,); rho : (n,) vertices or mm^2; delta : (n,) mm, finite;
-    centres : (k,) int64, centre of segment s at `centres[s]`, largest rho * delta first; d_c_mm
+    centres : (k,) int64, centre of segment s at `centres[s]`, largest rho * delta first (other methods than cfsfdp:
+    largest segment first); d_c_mm
     """
 
     labels: IntArray
@@ -28,8 +29,8 @@ class Segmentation:
     d_c_mm: float
 
 
-def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationSettings) -> Segmentation:
-    """Rodriguez & Laio 2014 on `mesh`.
+def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationSettings, seed: int = 0) -> Segmentation:
+    """Rodriguez & Laio 2014 on `mesh`; another `settings.method` then relabels by position, see `clustered`.
 
     Delta and a forced centre a component; a component below `min_component_share` of the area has no centre, its
     vertices join the segment that is nearest through space and are halo.
@@ -74,4 +75,14 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
         _, host = nearest(mesh.vertices[~homeless], mesh.vertices[homeless])
         labels[homeless] = labels[~homeless][host]
         halo = halo | homeless
-    return Segmentation(labels, halo, rho, delta, centres, d_c)
+    found = Segmentation(labels, halo, rho, delta, centres, d_c)
+    return found if settings.method == "cfsfdp" else clustered(mesh, found, settings, seed)
+
+
+def clustered(mesh: Mesh, peaks: Segmentation, settings: SegmentationSettings, seed: int) -> Segmentation:
+    """The segments of another method in place of the density peaks', as many where `n_centres` does not say; nothing
+    is halo, and the decision graph stays.
+    """
+    k = settings.n_centres or len(peaks.centres)
+    found = clusterings.cluster(settings.method, mesh.vertices, mesh.vertex_areas_mm2(), k, seed)
+    return replace(peaks, labels=found.labels, halo=np.zeros_like(peaks.halo), centres=found.centres)
