@@ -68,7 +68,7 @@ def find_segments(
 
     Parameters
     ----------
-    mesh : a file with triangles or points
+    mesh : a file with triangles
     out : folder for mesh.segments.ply (coloured by segment, halo pale), mesh.vertices.csv, mesh.decision_graph.svg
         and results.json; None writes nothing and `files` is empty
     seed : of the draws of some methods; the same seed, file and settings give the same bytes

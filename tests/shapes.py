@@ -100,3 +100,22 @@ def motion(seed: int, translation_mm: float = 50.0) -> FloatArray:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = q, rng.uniform(-translation_mm, translation_mm, 3)
     return T
+
+
+def beads(radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around: int = 40, along: int = 121) -> Mesh:
+    """A closed solid of revolution about x: `count` spheres on a thin rod, the middle of the first at the origin."""
+    x = np.linspace(-radius_mm, (count - 1) * pitch_mm + radius_mm, along)[1:-1]
+    from_middle = x - pitch_mm * np.clip(np.round(x / pitch_mm), 0, count - 1)
+    profile = np.sqrt(np.maximum(radius_mm**2 - from_middle**2, (0.15 * radius_mm) ** 2))
+    angle = np.arange(around) * 2 * np.pi / around
+    rings = np.stack(
+        [np.repeat(x, around), np.outer(profile, np.cos(angle)).ravel(), np.outer(profile, np.sin(angle)).ravel()], 1
+    )
+    ends = np.array([[-radius_mm, 0, 0], [(count - 1) * pitch_mm + radius_mm, 0, 0]])
+    i, k = np.meshgrid(np.arange(len(x) - 1), np.arange(around), indexing="ij")
+    a, b = (i * around + k).ravel(), (i * around + (k + 1) % around).ravel()
+    sides = [np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)]
+    k, after, last = np.arange(around), (np.arange(around) + 1) % around, (len(x) - 1) * around
+    first_cap = np.stack([np.full(around, len(rings)), after, k], 1)
+    last_cap = np.stack([np.full(around, len(rings) + 1), last + k, last + after], 1)
+    return Mesh(np.concatenate([rings, ends]), np.concatenate([*sides, first_cap, last_cap]))
