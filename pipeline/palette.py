@@ -9,7 +9,7 @@ from pipeline.mesh import BoolArray, FloatArray, IntArray
 _HEX = ("332288", "DDCC77", "CC6677", "44AA99", "882255", "88CCEE", "117733", "AA4499", "999933")
 PALETTE: FloatArray = np.array([[int(code[k : k + 2], 16) / 255 for k in (0, 2, 4)] for code in _HEX])
 PALE: FloatArray = np.full(3, 0xDD / 255)
-HALO_PALENESS = 0.7  # how far towards PALE halo goes: grey at a glance, its segment still to be seen
+HALO_PALENESS = 0.5  # how far towards PALE halo goes; where nearly all is halo, segments must still be seen
 
 
 def of_segment(segment: int) -> FloatArray:

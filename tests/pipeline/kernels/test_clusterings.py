@@ -89,7 +89,7 @@ def test_fuzzy_memberships_sum_to_one_and_the_objective_never_rises() -> None:
 
 def test_a_point_on_a_fuzzy_centre_belongs_to_it_alone() -> None:
     points = np.array([[0.0, 0, 0], [1.0, 0, 0], [3.0, 0, 0]])
-    found = clusterings._memberships(points, np.array([[0.0, 0, 0], [4.0, 0, 0]]))
+    found = clusterings._memberships(cdist(points, np.array([[0.0, 0, 0], [4.0, 0, 0]]), "sqeuclidean"))
     np.testing.assert_allclose(found, [[1, 0], [0.9, 0.1], [0.1, 0.9]])
 
 
