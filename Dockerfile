@@ -12,7 +12,7 @@ RUN python3 -m venv /opt/cusp
 COPY pyproject.toml constraints.txt ./
 RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > needed.txt \
     && /opt/cusp/bin/pip install --constraint constraints.txt --requirement needed.txt
-COPY LICENSE README.md ./
+COPY LICENSE README.md CMakeLists.txt ./
 COPY pipeline pipeline
 COPY service service
 RUN /opt/cusp/bin/pip install --constraint constraints.txt . \

@@ -16,7 +16,7 @@ help: ## list the commands
 
 setup: $(READY) ## make .venv with everything installed
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt CMakeLists.txt $(wildcard pipeline/kernels/native/*pp)
 	@missing=""; for package in $(SYSTEM); do \
 	    dpkg-query -W -f '$${Status}' $$package 2>/dev/null | grep -q 'install ok' || missing="$$missing $$package"; \
 	done; \

@@ -74,7 +74,7 @@ def cut(mesh: Mesh, name: str, edge_mm: float, settings: Settings, watch: Watch,
         resampled = resample(mesh, name, edge_mm, settings.resample)
     working = resampled.mesh
     with watch.stage(Stage.GEODESICS, name):
-        distances = geodesics(working, name, settings.segmentation.quantile)
+        distances = geodesics(working, name, settings.segmentation)
     with watch.stage(Stage.SEGMENTATION, name):
         return Cut(resampled, distances, segment(working, name, distances, settings.segmentation, seed))
 

@@ -65,6 +65,9 @@ class SegmentationSettings(Section):
     density: Literal["vertex", "area"] = Field(
         "area", description="what eq. 1 counts inside d_c: vertices (paper) or the area they stand for"
     )
+    kernel: Literal["cutoff", "gaussian"] = Field(
+        "cutoff", description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)"
+    )
     n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
     delta_min_dc: float = Field(1.5, ge=0, description="automatic rule: a centre has delta of at least this many d_c")
     rho_min_share: float = Field(

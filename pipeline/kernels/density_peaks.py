@@ -1,25 +1,17 @@
-"""Clustering by fast search and find of density peaks (CFSFDP), on any sparse set of near pairs.
+"""Clustering by fast search and find of density peaks (CFSFDP), whatever the distances are.
 
 Rodriguez & Laio, "Clustering by fast search and find of density peaks", Science 344 (2014). Symbols: d_c cut-off
 distance, rho local density (eq. 1), delta distance to the nearest denser point (eq. 2). Equal densities rank by
 index, so every result is the same on every machine.
 """
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
-
-def local_density(near: csr_matrix, d_c: float, weights: FloatArray) -> FloatArray:
-    """Eq. 1 with a weight for each j: rho_i = sum_j w_j chi(d_ij - d_c), chi(x) = 1 for x < 0.
-
-    near : (n, n) stored pairs i != j with at least all d_ij < d_c; weights : (n,), ones count vertices,
-    lumped areas measure the surface inside d_c (the own vertex's included).
-    """
-    inside = near.copy()
-    inside.data = (near.data < d_c).astype(np.float64)
-    return np.asarray(inside @ weights, dtype=np.float64) + weights
+_FIRST_BATCH = 32  # vertices of each cluster whose border is looked for at once
 
 
 def choose_centres(
@@ -64,15 +56,28 @@ def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
     return np.asarray(label[uphill[:n]], dtype=np.int32)
 
 
-def halo(near: csr_matrix, d_c: float, rho: FloatArray, labels: IntArray) -> BoolArray:
+def halo(rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable[[IndexArray], BoolArray]) -> BoolArray:
     """(n,) vertices less dense than their cluster's border density, by the *article's* definition.
 
-    The border region of a cluster are its points within d_c of a point of another cluster; its border density is
-    the highest rho in that region. (The authors' published code averages the rho of the two points instead.)
+    The border region of a cluster are its points within d_c of a point of another cluster; its border density is the highest
+    rho in that region. (The authors' published code averages the rho of the two points instead.)
+
+    at_border : for vertices (k,), whether each lies in the border region of its cluster; asked of the densest vertices of each
+    cluster first, so it is rarely asked of many
     """
-    pairs = near.tocoo()
-    across = (pairs.data < d_c) & (labels[pairs.row] != labels[pairs.col])
-    across &= (labels[pairs.row] >= 0) & (labels[pairs.col] >= 0)
-    border_rho = np.zeros(int(labels.max(initial=-1)) + 2)  # last: vertices without a cluster
-    np.maximum.at(border_rho, labels[pairs.row[across]], rho[pairs.row[across]])
+    order = np.lexsort((np.arange(len(rho)), -rho, labels))
+    order = order[labels[order] >= 0]
+    begin = np.searchsorted(labels[order], np.arange(n_clusters + 1))
+    border_rho = np.zeros(n_clusters + 1)  # last: vertices without a cluster
+    open_clusters, batch, offset = list(range(n_clusters)), _FIRST_BATCH, 0
+    while open_clusters:
+        asked = [order[begin[c] + offset : min(begin[c + 1], begin[c] + offset + batch)] for c in open_clusters]
+        answers = np.split(at_border(np.concatenate(asked)), np.cumsum([len(each) for each in asked])[:-1])
+        still = []
+        for cluster, vertices, answer in zip(open_clusters, asked, answers, strict=True):
+            if answer.any():
+                border_rho[cluster] = rho[vertices[answer.argmax()]]
+            elif begin[cluster] + offset + batch < begin[cluster + 1]:
+                still.append(cluster)
+        open_clusters, offset, batch = still, offset + batch, 2 * batch
     return np.asarray(rho < border_rho[labels], dtype=np.bool_)

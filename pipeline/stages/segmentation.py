@@ -40,10 +40,10 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
     ComponentsTooSmall
     """
     solver, d_c = geodesics.solver, geodesics.d_c_mm
-    near = solver.within(d_c)
     areas = mesh.vertex_areas_mm2()
-    weights = areas if settings.density == "area" else np.ones(len(areas))
-    rho = density_peaks.local_density(near, d_c, weights)  # eq. 1
+    rho = geodesics.rho  # eq. 1
+    if settings.kernel == "gaussian":
+        rho = solver.density(d_c, geodesics.weights, gaussian=True)
     uphill, delta = solver.nearest_denser(rho)  # eq. 2
 
     component_area = np.bincount(solver.components, weights=areas)
@@ -69,7 +69,9 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
         n_centres=settings.n_centres,
     )
     labels = density_peaks.assign(uphill, centres)
-    halo = density_peaks.halo(near, d_c, rho, labels)
+    halo = density_peaks.halo(
+        rho, labels, len(centres), lambda vertices: np.isfinite(solver.nearest_other(vertices, labels, d_c))
+    )
     homeless = labels < 0
     if homeless.any():
         _, host = nearest(mesh.vertices[~homeless], mesh.vertices[homeless])

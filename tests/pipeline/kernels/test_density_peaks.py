@@ -1,12 +1,13 @@
 """Density peaks on point sets whose answer is known, checked against the formulas written out."""
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.spatial.distance import cdist
 
 from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import density_rank
-from pipeline.mesh import FloatArray, IndexArray
+from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
 
 def clouds(*centres: tuple[float, float], count: int = 60, seed: int = 0) -> FloatArray:
@@ -22,17 +23,15 @@ def uphill(matrix: FloatArray, rho: FloatArray) -> tuple[IndexArray, FloatArray]
     return np.where(np.isfinite(delta), nearest, -1), np.where(np.isfinite(delta), delta, matrix.max())
 
 
-def test_density_counts_points_strictly_inside_d_c() -> None:
-    line = np.abs(np.subtract.outer(np.arange(5.0), np.arange(5.0)))
-    rho = density_peaks.local_density(csr_matrix(line), 2.0, np.ones(5))
-    np.testing.assert_array_equal(rho, [2, 3, 3, 3, 2])  # neighbours at 1, not those at exactly 2, and itself
+def counted(matrix: FloatArray, d_c: float) -> FloatArray:
+    """Eq. 1 written out, the point itself included."""
+    return np.asarray((matrix < d_c).sum(axis=1), dtype=np.float64)
 
 
 def test_three_clouds_give_three_segments() -> None:
     points = clouds((0, 0), (6, 0), (0, 7))
     matrix = cdist(points, points)
-    near = csr_matrix(np.where(matrix < 1.0, matrix, 0))
-    rho = density_peaks.local_density(near, 1.0, np.ones(len(points)))
+    rho = counted(matrix, 1.0)
     nearest, delta = uphill(matrix, rho)
     top = np.flatnonzero(nearest < 0)
     centres = density_peaks.choose_centres(
@@ -48,7 +47,7 @@ def test_three_clouds_give_three_segments() -> None:
 def test_asking_for_two_centres_gives_two() -> None:
     points = clouds((0, 0), (6, 0), (0, 7))
     matrix = cdist(points, points)
-    rho = density_peaks.local_density(csr_matrix(np.where(matrix < 1.0, matrix, 0)), 1.0, np.ones(len(points)))
+    rho = counted(matrix, 1.0)
     nearest, delta = uphill(matrix, rho)
     centres = density_peaks.choose_centres(
         rho, delta, np.flatnonzero(nearest < 0), delta_min=0, rho_min=0, max_centres=10, n_centres=2
@@ -68,9 +67,27 @@ def test_a_point_without_a_centre_uphill_has_no_cluster() -> None:
 
 def test_halo_is_what_is_less_dense_than_the_border_of_its_cluster() -> None:
     """Two clusters on a line, touching in the middle: 0 1 2 | 3 4 5, d_c just above 1."""
-    positions = np.arange(6.0)
-    matrix = np.abs(np.subtract.outer(positions, positions))
-    near = csr_matrix(np.where(matrix <= 1.0, matrix, 0))
+    matrix = np.abs(np.subtract.outer(np.arange(6.0), np.arange(6.0)))
     rho = np.array([1.0, 5.0, 2.0, 3.0, 6.0, 4.0])
     labels = np.array([0, 0, 0, 1, 1, 1], dtype=np.int32)
-    np.testing.assert_array_equal(density_peaks.halo(near, 1.5, rho, labels), [True, False, False, False, False, False])
+    found = density_peaks.halo(rho, labels, 2, at_border_by(matrix, labels, 1.5))
+    np.testing.assert_array_equal(found, [True, False, False, False, False, False])
+
+
+def at_border_by(matrix: FloatArray, labels: IntArray, d_c: float) -> Callable[[IndexArray], BoolArray]:
+    touches = ((matrix < d_c) & (labels[:, None] != labels[None])).any(axis=1)
+    return lambda vertices: np.asarray(touches[vertices])
+
+
+def test_halo_asked_in_batches_is_the_definition() -> None:
+    points = clouds((0, 0), (1.6, 0), (0.6, 1.6), count=150)
+    matrix = cdist(points, points)
+    rho = counted(matrix, 0.4)
+    labels = np.repeat(np.arange(3, dtype=np.int32), 150)
+    labels[5] = -1
+    other = (labels[None] != labels[:, None]) & (labels[None] >= 0) & (labels[:, None] >= 0)
+    touches = ((matrix < 0.8) & other).any(axis=1)
+    border_rho = np.array([rho[touches & (labels == k)].max() for k in range(3)])
+    expected = np.where(labels >= 0, rho < border_rho[labels], False)
+    found = density_peaks.halo(rho, labels, 3, lambda vertices: np.asarray(touches[vertices]))
+    np.testing.assert_array_equal(found, expected)

@@ -1,0 +1,1 @@
+"""Exact geodesics in C++: `core`, built from the sources beside this file."""

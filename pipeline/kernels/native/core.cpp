@@ -1,0 +1,321 @@
+// Python's way to the exact geodesics: arrays in, arrays out, the GIL released while threads search.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include <memory>
+#include <optional>
+
+#include "geodesic_mesh.hpp"
+#include "parallel.hpp"
+#include "window_search.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using cusp::GeodesicMesh;
+using cusp::Watch;
+using cusp::WindowSearch;
+
+template <class T>
+using In1 = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+template <class T>
+using In2 = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <class T>
+using Out1 = nb::ndarray<nb::numpy, T, nb::ndim<1>>;
+template <class T>
+using Out2 = nb::ndarray<nb::numpy, T, nb::ndim<2>>;
+
+template <class T>
+Out1<T> to_numpy(std::vector<T>&& values) {
+    auto* kept = new std::vector<T>(std::move(values));
+    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return Out1<T>(kept->data(), {kept->size()}, owner);
+}
+
+// Hears the share done; answers False to stop.
+using Progress = std::optional<nb::typed<nb::callable, nb::object(double)>>;
+
+// What a Python callback is to the C++ loop: called with the GIL, from the thread that released it.
+Watch watched(const Progress& progress) {
+    if (!progress) return {};
+    return [callable = nb::callable(*progress)](double share) {
+        const nb::gil_scoped_acquire gil;
+        if (PyErr_CheckSignals() != 0) throw nb::python_error();
+        return !callable(share).equal(nb::bool_(false));
+    };
+}
+
+struct Pair {
+    int32_t vertex;
+    double distance;
+};
+
+using Found = std::tuple<Out1<int64_t>, Out1<int32_t>, Out1<double>>;
+
+class Solver {
+   public:
+    Solver(const In2<int32_t>& faces, const In2<double>& lengths, int32_t n)
+        : mesh_(n, faces.data(), lengths.data(), static_cast<int32_t>(faces.shape(0))) {
+        if (faces.shape(1) != 3 || lengths.shape(1) != 3 || faces.shape(0) != lengths.shape(0))
+            throw std::invalid_argument("faces and lengths must both be (m, 3)");
+    }
+
+    Out2<double> distances(const In1<int64_t>& sources, double radius, int threads, Progress progress) {
+        const auto count = static_cast<int64_t>(sources.shape(0));
+        check(sources);
+        auto* rows = new std::vector<double>(static_cast<size_t>(count) * mesh_.n, cusp::kInfinity);
+        const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+        const Watch watch = watched(progress);
+        {
+            const nb::gil_scoped_release free;
+            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+                double* row = rows->data() + i * mesh_.n;
+                search.run(static_cast<int32_t>(sources.data()[i]), radius, [&](int32_t v, double d) {
+                    row[v] = d;
+                    return radius;
+                });
+            });
+        }
+        return Out2<double>(rows->data(), {static_cast<size_t>(count), static_cast<size_t>(mesh_.n)}, owner);
+    }
+
+    // Distance of every vertex to the nearest of `sources`.
+    Out1<double> distances_from_set(const In1<int64_t>& sources, double radius) {
+        check(sources);
+        std::vector<double> row(mesh_.n, cusp::kInfinity);
+        {
+            const nb::gil_scoped_release free;
+            WindowSearch search(mesh_);
+            search.run(sources.data(), sources.data() + sources.shape(0), radius, [&](int32_t v, double d) {
+                row[v] = d;
+                return radius;
+            });
+        }
+        return to_numpy(std::move(row));
+    }
+
+    // Distance from sources[i] to targets[i], each search stopping there; inf beyond bounds[i].
+    Out1<double> between(const In1<int64_t>& sources, const In1<int64_t>& targets, const In1<double>& bounds, int threads,
+                         Progress progress) {
+        check(sources);
+        check(targets);
+        const auto count = static_cast<int64_t>(sources.shape(0));
+        if (targets.shape(0) != sources.shape(0) || bounds.shape(0) != sources.shape(0))
+            throw std::invalid_argument("sources, targets and bounds must have one length");
+        std::vector<double> found(count, cusp::kInfinity);
+        const Watch watch = watched(progress);
+        {
+            const nb::gil_scoped_release free;
+            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+                const double bound = bounds.data()[i];
+                search.run(static_cast<int32_t>(sources.data()[i]), bound, [&](int32_t v, double d) {
+                    if (v != targets.data()[i]) return bound;
+                    found[i] = d;
+                    return -1.0;
+                });
+            });
+        }
+        return to_numpy(std::move(found));
+    }
+
+    // Ball of every source, itself left out: (counts, vertices by number, distances), one direction only.
+    Found balls(const In1<int64_t>& sources, double radius, int threads, Progress progress) {
+        const auto count = static_cast<int64_t>(sources.shape(0));
+        check(sources);
+        std::vector<std::vector<Pair>> found(count);
+        std::vector<int64_t> sizes(count);
+        std::vector<int32_t> vertices;
+        std::vector<double> distances;
+        const Watch watch = watched(progress);
+        {
+            const nb::gil_scoped_release free;
+            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+                found[i] = ball(search, static_cast<int32_t>(sources.data()[i]), radius);
+                sizes[i] = static_cast<int64_t>(found[i].size());
+            });
+            const auto total = std::accumulate(sizes.begin(), sizes.end(), int64_t{0});
+            vertices.reserve(total);
+            distances.reserve(total);
+            for (auto& row : found) {
+                for (const Pair& pair : row) vertices.push_back(pair.vertex), distances.push_back(pair.distance);
+                std::vector<Pair>().swap(row);
+            }
+        }
+        return {to_numpy(std::move(sizes)), to_numpy(std::move(vertices)), to_numpy(std::move(distances))};
+    }
+
+    // What lies nearer than `low` to each vertex, added up: how many, and their weights times a kernel, in order of number
+    // (kernel: 1, or exp(-(d / scale)^2) when scale > 0); and the pairs with low <= d <= high one by one, since whether a pair
+    // at a limit counts is decided from both its ends: (counts, sums, i, j, d).
+    std::tuple<Out1<int64_t>, Out1<double>, Out1<int32_t>, Out1<int32_t>, Out1<double>> sums(
+        const In1<double>& weights, double low, double high, double scale, int threads, Progress progress) {
+        if (static_cast<int32_t>(weights.shape(0)) != mesh_.n) throw std::invalid_argument("weights must be (n,)");
+        std::vector<int64_t> nearer(mesh_.n, 0);
+        std::vector<double> sum(mesh_.n, 0.0);
+        std::vector<std::vector<Pair>> undecided(mesh_.n);
+        std::vector<int32_t> from, to;
+        std::vector<double> distance;
+        const Watch watch = watched(progress);
+        {
+            const nb::gil_scoped_release free;
+            over_sources(mesh_.n, threads, watch, [&](WindowSearch& search, int64_t i) {
+                for (const Pair& pair : ball(search, static_cast<int32_t>(i), high)) {
+                    if (pair.distance >= low) {
+                        undecided[i].push_back(pair);
+                        continue;
+                    }
+                    const double ratio = scale > 0 ? pair.distance / scale : 0.0;
+                    sum[i] += weights.data()[pair.vertex] * (scale > 0 ? std::exp(-ratio * ratio) : 1.0);
+                    ++nearer[i];
+                }
+                undecided[i].shrink_to_fit();
+            });
+            for (int32_t i = 0; i < mesh_.n; ++i) {
+                for (const Pair& pair : undecided[i]) {
+                    from.push_back(i);
+                    to.push_back(pair.vertex);
+                    distance.push_back(pair.distance);
+                }
+                std::vector<Pair>().swap(undecided[i]);
+            }
+        }
+        return {to_numpy(std::move(nearer)), to_numpy(std::move(sum)), to_numpy(std::move(from)), to_numpy(std::move(to)),
+                to_numpy(std::move(distance))};
+    }
+
+    // For each source the vertices of smaller rank at the smallest distance, all within `slack` of it: (counts, vertices,
+    // distances). Each search stops there.
+    Found nearest_denser(const In1<int64_t>& sources, const In1<int64_t>& rank, double slack, int threads,
+                         Progress progress) {
+        if (static_cast<int32_t>(rank.shape(0)) != mesh_.n) throw std::invalid_argument("rank must be (n,)");
+        const int64_t* r = rank.data();
+        return nearest_where(sources, cusp::kInfinity, slack, threads, progress,
+                             [r](int32_t source, int32_t v) { return r[v] < r[source]; });
+    }
+
+    // The same for vertices of another label >= 0, out to `radius`.
+    Found nearest_other(const In1<int64_t>& sources, const In1<int32_t>& labels, double radius, double slack, int threads,
+                        Progress progress) {
+        if (static_cast<int32_t>(labels.shape(0)) != mesh_.n) throw std::invalid_argument("labels must be (n,)");
+        const int32_t* label = labels.data();
+        return nearest_where(sources, radius, slack, threads, progress,
+                             [label](int32_t source, int32_t v) { return label[v] >= 0 && label[v] != label[source]; });
+    }
+
+    // Distances of the `most` nearest vertices of each source, nearest first, one row a source; inf where there are fewer.
+    Out2<double> nearest(const In1<int64_t>& sources, int64_t most, int threads) {
+        const auto count = static_cast<int64_t>(sources.shape(0));
+        check(sources);
+        auto* rows = new std::vector<double>(static_cast<size_t>(count * most), cusp::kInfinity);
+        const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+        {
+            const nb::gil_scoped_release free;
+            over_sources(count, threads, {}, [&](WindowSearch& search, int64_t i) {
+                int64_t seen = -1;  // the source itself does not count
+                search.run(static_cast<int32_t>(sources.data()[i]), cusp::kInfinity, [&](int32_t, double d) {
+                    if (seen >= 0) (*rows)[i * most + seen] = d;
+                    return ++seen < most ? cusp::kInfinity : -1.0;
+                });
+            });
+        }
+        return Out2<double>(rows->data(), {static_cast<size_t>(count), static_cast<size_t>(most)}, owner);
+    }
+
+    // Windows that a search from `source` makes: what it costs.
+    int64_t windows(int32_t source, double radius) {
+        if (source < 0 || source >= mesh_.n) throw std::out_of_range("source out of range");
+        WindowSearch search(mesh_);
+        search.run(source, radius, [radius](int32_t, double) { return radius; });
+        return search.windows_made();
+    }
+
+   private:
+    template <class Wanted>
+    Found nearest_where(const In1<int64_t>& sources, double radius, double slack, int threads,
+                        const Progress& progress, Wanted&& wanted) {
+        const auto count = static_cast<int64_t>(sources.shape(0));
+        check(sources);
+        std::vector<std::vector<Pair>> found(count);
+        std::vector<int64_t> sizes(count);
+        std::vector<int32_t> vertices;
+        std::vector<double> distances;
+        const Watch watch = watched(progress);
+        {
+            const nb::gil_scoped_release free;
+            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+                const auto source = static_cast<int32_t>(sources.data()[i]);
+                double limit = radius;
+                search.run(source, radius, [&](int32_t v, double d) {
+                    if (wanted(source, v)) {
+                        if (found[i].empty()) limit = std::min(limit, d * (1 + slack));
+                        found[i].push_back({v, d});
+                    }
+                    return limit;
+                });
+                sizes[i] = static_cast<int64_t>(found[i].size());
+            });
+            for (const auto& row : found)
+                for (const Pair& pair : row) vertices.push_back(pair.vertex), distances.push_back(pair.distance);
+        }
+        return {to_numpy(std::move(sizes)), to_numpy(std::move(vertices)), to_numpy(std::move(distances))};
+    }
+
+    std::vector<Pair> ball(WindowSearch& search, int32_t source, double radius) const {
+        std::vector<Pair> found;
+        search.run(source, radius, [&](int32_t v, double d) {
+            if (v != source) found.push_back({v, d});
+            return radius;
+        });
+        std::sort(found.begin(), found.end(), [](const Pair& a, const Pair& b) { return a.vertex < b.vertex; });
+        return found;
+    }
+
+    template <class Work>
+    void over_sources(int64_t count, int threads, const Watch& watch, Work&& work) {
+        std::vector<std::unique_ptr<WindowSearch>> searches(std::max(1, threads));
+        cusp::for_each(count, threads, watch, [&](int worker, int64_t item) {
+            auto& search = searches[worker];
+            if (!search) search = std::make_unique<WindowSearch>(mesh_);
+            work(*search, item);
+        });
+    }
+
+    void check(const In1<int64_t>& sources) const {
+        for (size_t i = 0; i < sources.shape(0); ++i)
+            if (sources.data()[i] < 0 || sources.data()[i] >= mesh_.n) throw std::out_of_range("source out of range");
+    }
+
+    GeodesicMesh mesh_;
+};
+
+}  // namespace
+
+NB_MODULE(core, m) {
+    m.doc() = "Exact geodesic distances on triangle meshes with intrinsic edge lengths; see kernels/geodesics.py.";
+    nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+        try {
+            std::rethrow_exception(p);
+        } catch (const cusp::Cancelled&) {
+            PyErr_SetString(PyExc_InterruptedError, "the progress callback answered False");
+        }
+    });
+    nb::class_<Solver>(m, "Solver")
+        .def(nb::init<const In2<int32_t>&, const In2<double>&, int32_t>(), "faces"_a, "lengths"_a, "n"_a)
+        .def("distances", &Solver::distances, "sources"_a, "radius"_a, "threads"_a, "progress"_a = nb::none())
+        .def("distances_from_set", &Solver::distances_from_set, "sources"_a, "radius"_a)
+        .def("between", &Solver::between, "sources"_a, "targets"_a, "bounds"_a, "threads"_a, "progress"_a = nb::none())
+        .def("balls", &Solver::balls, "sources"_a, "radius"_a, "threads"_a, "progress"_a = nb::none())
+        .def("sums", &Solver::sums, "weights"_a, "low"_a, "high"_a, "scale"_a, "threads"_a, "progress"_a = nb::none())
+        .def("nearest_denser", &Solver::nearest_denser, "sources"_a, "rank"_a, "slack"_a, "threads"_a,
+             "progress"_a = nb::none())
+        .def("nearest_other", &Solver::nearest_other, "sources"_a, "labels"_a, "radius"_a, "slack"_a, "threads"_a,
+             "progress"_a = nb::none())
+        .def("nearest", &Solver::nearest, "sources"_a, "most"_a, "threads"_a)
+        .def("windows", &Solver::windows, "source"_a, "radius"_a);
+}
