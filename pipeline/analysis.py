@@ -22,10 +22,14 @@ from pipeline.watch import Watch
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """The two lengths at which both meshes of a job are looked at, taken from the design once."""
+    """The lengths at which both meshes of a job are looked at, taken from the design once.
+
+    edge_mm : of the working mesh; radius_mm : of the features; size_mm : sqrt(area)
+    """
 
     edge_mm: float
     radius_mm: float
+    size_mm: float
 
     @classmethod
     def of(cls, design: Mesh, settings: Settings) -> "Scales":
@@ -33,6 +37,7 @@ class Scales:
         return cls(
             working_edge_mm(area, settings.resample.target_vertices),
             features_radius_mm(area, settings.features),
+            float(np.sqrt(area)),
         )
 
 
@@ -68,23 +73,23 @@ def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_s
         return loaded, clean(loaded.mesh, name, settings.clean)
 
 
-def cut(mesh: Mesh, name: str, edge_mm: float, settings: Settings, watch: Watch, seed: int) -> Cut:
-    """Section 1 of the method, steps 1 and 2, on a working mesh with edges of `edge_mm`."""
+def cut(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Cut:
+    """Section 1 of the method, steps 1 and 2."""
     with watch.stage(Stage.RESAMPLE, name):
-        resampled = resample(mesh, name, edge_mm, settings.resample)
+        resampled = resample(mesh, name, scales.edge_mm, settings.resample)
     working = resampled.mesh
     with watch.stage(Stage.GEODESICS, name):
-        distances = geodesics(working, name, settings.segmentation)
+        distances = geodesics(working, name, scales.size_mm, settings.geodesics, settings.segmentation)
     with watch.stage(Stage.SEGMENTATION, name):
         return Cut(resampled, distances, segment(working, name, distances, settings.segmentation, seed))
 
 
 def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Analysis:
     """Section 1 of the method, steps 1 to 4."""
-    found = cut(mesh, name, scales.edge_mm, settings, watch, seed)
+    found = cut(mesh, name, scales, settings, watch, seed)
     working, distances, segmentation = found.resampled.mesh, found.distances, found.segmentation
     with watch.stage(Stage.FEATURES, name):
-        measured = features(working, distances.solver, scales.radius_mm, settings.features)
+        measured = features(working, distances.surface, scales.radius_mm, settings.features)
     with watch.stage(Stage.LANDMARKS, name):
         marked = landmarks(working, segmentation, measured, settings.landmarks)
     _, vertices = nearest(mesh.vertices, marked.position_mm)

@@ -26,6 +26,7 @@ LABEL_STEP_PT = 10.0  # from a disc to its number, and to the next place tried
 _RHO_LABEL = {
     "vertex": r"local density $\rho$: vertices within $d_c$",
     "area": r"local density $\rho$: surface area within $d_c$ [mm$^2$]",
+    "convexity": r"local density $\rho$: area around, weighted by its height on a bump [mm$^2$]",
 }
 _METHOD_LABEL = {
     "cfsfdp": "density peaks",

@@ -123,8 +123,8 @@ class Centre(Record):
 class Segments(Record):
     count: int
     method: SegmentationMethod
-    metric: Literal["surface"]
-    density: Literal["vertex", "area"]
+    metric: Literal["surface", "crease"]
+    density: Literal["vertex", "area", "convexity"]
     d_c: float = Field(description="cut-off distance in mm")
     halo_fraction: float = Field(description="share of the working vertices that are halo")
     limit_share: float | None = Field(

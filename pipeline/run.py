@@ -121,7 +121,7 @@ def run_segments(
     watch = Watch(on_progress, shares.SEGMENTS)
     loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
     mesh = cleaned.mesh
-    found = cut(mesh, "mesh", Scales.of(mesh, settings).edge_mm, settings, watch, seed)
+    found = cut(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
     segmentation, working_of_clean = found.segmentation, found.resampled.working_of_clean
 
     files: list[str] = []

@@ -52,7 +52,13 @@ class ResampleSettings(Section):
 
 
 class GeodesicsSettings(Section):
-    metric: Literal["surface"] = Field("surface", description="what a path costs: its length on the surface")
+    metric: Literal["surface", "crease"] = Field(
+        "crease", description="what a path costs: its length (paper), or more where it crosses valleys"
+    )
+    crease_beta: float = Field(4.0, ge=0, le=100, description="crossing a valley costs twice this many times its depth")
+    crease_radius_share: float = Field(
+        0.03, gt=0, lt=0.5, description="width of the valleys that count, as a share of sqrt(area of the design)"
+    )
 
 
 class SegmentationSettings(Section):
@@ -61,19 +67,38 @@ class SegmentationSettings(Section):
     method: SegmentationMethod = Field(
         "cfsfdp", description="density peaks, or a clustering of vertex positions to compare with"
     )
-    quantile: float = Field(0.02, gt=0, lt=1, description="d_c is this quantile of all pairwise distances")
-    density: Literal["vertex", "area"] = Field(
-        "area", description="what eq. 1 counts inside d_c: vertices (paper) or the area they stand for"
+    quantile: float = Field(0.005, gt=0, lt=1, description="d_c is this quantile of all pairwise distances")
+    density: Literal["vertex", "area", "convexity"] = Field(
+        "convexity",
+        description="what rho counts: vertices (paper), their area, or area weighted by its height on a bump",
+    )
+    convexity_radius_share: float = Field(
+        0.13, gt=0, lt=1, description="size of the bumps, as a share of sqrt(area of the design)"
+    )
+    convexity_sharpness: float = Field(
+        0.03, gt=0, le=10, description="share of that size by which a vertex must be higher to weigh e times as much"
     )
     kernel: Literal["cutoff", "gaussian"] = Field(
-        "cutoff", description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)"
+        "gaussian", description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)"
     )
     n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
-    delta_min_dc: float = Field(1.5, ge=0, description="automatic rule: a centre has delta of at least this many d_c")
-    rho_min_share: float = Field(
-        0.5, ge=0, le=1, description="automatic rule: and rho of at least this share of the median rho"
+    rho_min: float | None = Field(
+        None, ge=0, description="centres are the vertices with at least this rho and delta_min_mm"
     )
-    max_centres: int = Field(64, ge=1, description="automatic rule: at most so many, the largest rho * delta first")
+    delta_min_mm: float | None = Field(None, ge=0, description="see rho_min; either alone will do")
+    centre_rule: Literal["prominence", "decision_graph"] = Field(
+        "prominence", description="without any of the three above: join peaks over dense borders, or thresholds (paper)"
+    )
+    min_prominence: float = Field(
+        4.33, ge=0, description="prominence: a centre stays when its log rho is this much above its borders'"
+    )
+    delta_min_dc: float = Field(
+        1.5, ge=0, description="decision_graph: a centre has delta of at least this many d_c (prominence starts from 1)"
+    )
+    rho_min_share: float = Field(
+        0.5, ge=0, le=1, description="decision_graph: and rho of at least this share of the median rho"
+    )
+    max_centres: int = Field(64, ge=1, description="decision_graph: at most so many, the largest rho * delta first")
     min_component_share: float = Field(
         0.01, ge=0, lt=1, description="a connected piece needs this share of the area to have a centre"
     )
@@ -178,7 +203,10 @@ class Settings(Section):
         """The paper: the file's own vertices, counted; integrated features; covariance PCA; the printed limit."""
         return cls(
             resample=ResampleSettings(enabled=False),
-            segmentation=SegmentationSettings(density="vertex"),
+            geodesics=GeodesicsSettings(metric="surface"),
+            segmentation=SegmentationSettings(
+                quantile=0.02, density="vertex", kernel="cutoff", centre_rule="decision_graph"
+            ),
             features=FeaturesSettings(kind="integrated"),
             landmarks=LandmarksSettings(
                 standardize=False, include_halo=False, border_distance_radii=0, spacing_radii=0, min_relief=0

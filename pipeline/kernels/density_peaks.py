@@ -56,6 +56,74 @@ def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
     return np.asarray(label[uphill[:n]], dtype=np.int32)
 
 
+def persistent_centres(
+    rho: FloatArray,
+    labels: IntArray,
+    candidates: IndexArray,
+    ends: IndexArray,
+    *,
+    min_prominence: float,
+    n_centres: int | None = None,
+) -> tuple[IndexArray, IntArray]:
+    """Join density peaks over dense borders; what stays are the centres.
+
+    Average linkage over the borders, in the spirit of topological persistence (Edelsbrunner, Letscher, Zomorodian 2002): the mean
+    of a border, not its one densest point, tells two touching teeth from two cusps of one.
+
+    Every candidate (vertex with delta above d_c) starts a cluster. Of all touching pairs of clusters the one with the
+    least prominence p = log min(rho_peak) - mean over border edges of log min(rho_i, rho_j) is joined, the lower
+    peak's cluster into the higher's, borders and their means being pooled, until no p is below `min_prominence` or
+    `n_centres` are left. Equal p: the pair with the smaller indices.
+
+    rho : (n,) > 0; labels : (n,) cluster of each vertex, -1 none; candidates : (k,), cluster c's peak; ends : (e, 2)
+    mesh edges.
+
+    Returns
+    -------
+    centres : (c,) subset of `candidates`, in their order; labels : (n,) int32 numbers in `centres`, -1 kept
+    """
+    k = len(candidates)
+    height = np.log(np.maximum(rho, 1e-300))
+    a, b = labels[ends[:, 0]], labels[ends[:, 1]]
+    across = (a != b) & (a >= 0) & (b >= 0)
+    a, b = a[across], b[across]
+    border = np.minimum(height[ends[across, 0]], height[ends[across, 1]])
+    total, count = np.zeros((k, k)), np.zeros((k, k))
+    for i, j in ((a, b), (b, a)):
+        np.add.at(total, (i, j), border)
+        np.add.at(count, (i, j), 1.0)
+    peak = height[candidates].copy()
+
+    def prominences(c: int | slice) -> FloatArray:
+        touching = count[c] > 0
+        mean = np.divide(total[c], count[c], out=np.full_like(total[c], -np.inf), where=touching)
+        lower = np.minimum(peak[c, None] if isinstance(c, slice) else peak[c], peak)
+        return np.asarray(np.where(touching, lower - mean, np.inf), dtype=np.float64)
+
+    root = np.arange(k)
+    prominence = prominences(slice(None))
+    left = k
+    while left > (n_centres or 1):
+        i, j = divmod(int(prominence.argmin()), k)
+        p = prominence[i, j]
+        if not np.isfinite(p) or (n_centres is None and p >= min_prominence):
+            break
+        keep, drop = (i, j) if (peak[i], -i) > (peak[j], -j) else (j, i)
+        root[root == drop] = keep
+        for table in (total, count):
+            table[keep] += table[drop]
+            table[:, keep] = table[keep]
+            table[drop], table[:, drop] = 0.0, 0.0
+            table[keep, keep] = 0.0
+        prominence[drop], prominence[:, drop] = np.inf, np.inf
+        prominence[keep] = prominences(keep)
+        prominence[:, keep] = prominence[keep]
+        left -= 1
+    kept, number = np.unique(root, return_inverse=True)
+    new = np.append(number, -1).astype(np.int32)  # last: no cluster
+    return candidates[kept].astype(np.int64), new[labels]
+
+
 def halo(rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable[[IndexArray], BoolArray]) -> BoolArray:
     """(n,) vertices less dense than their cluster's border density, by the *article's* definition.
 

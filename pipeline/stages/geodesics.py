@@ -4,36 +4,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.kernels import crease
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.outcome import Note
-from pipeline.settings import SegmentationSettings
+from pipeline.settings import GeodesicsSettings, SegmentationSettings
 
 
 @dataclass(frozen=True, slots=True)
 class Geodesics:
-    """solver : of the working mesh; weights : (n,) what each vertex counts for in a density; d_c_mm : the quantile of all
+    """solver : of the working mesh in the metric of the settings; surface : in plain lengths (the same where the metric
+    is that); weights : (n,) what each vertex counts for in a density; d_c_mm : the quantile of all
     pairwise distances, finite and > 0; rho : (n,) cut-off density (eq. 1), from the same pass over the geodesic discs
     """
 
     solver: GeodesicSolver
+    surface: GeodesicSolver
     weights: FloatArray
     d_c_mm: float
     rho: FloatArray
     warnings: tuple[Note, ...]
 
 
-def geodesics(mesh: Mesh, name: str, settings: SegmentationSettings) -> Geodesics:
-    """When more than the quantile's share of pairs lies across pieces, d_c is the largest finite distance instead
-    of infinity, and a warning says so.
+def geodesics(
+    mesh: Mesh, name: str, size_mm: float, metric: GeodesicsSettings, density: SegmentationSettings
+) -> Geodesics:
+    """Distances in the metric of the settings, d_c, and rho by the cut-off kernel.
+
+    size_mm : sqrt(area) of the design, which shares refer to. When more than the quantile's share of pairs lies across pieces,
+    d_c is the largest finite distance instead of infinity, and a warning says so.
     """
-    solver = GeodesicSolver(mesh.vertices, mesh.faces)
-    weights = mesh.vertex_areas_mm2() if settings.density == "area" else np.ones(len(mesh.vertices))
-    d_c, rho = solver.cutoff_density(settings.quantile, weights)
+    surface = solver = GeodesicSolver(mesh.vertices, mesh.faces)
+    if metric.metric == "crease":
+        phi = crease.concavity(mesh, metric.crease_radius_share * size_mm)
+        lifted = crease.lifted_lengths(mesh.vertices, mesh.faces, phi, metric.crease_beta)
+        solver = GeodesicSolver(mesh.vertices, mesh.faces, lengths=lifted)
+    weights = vertex_weights(mesh, size_mm, density)
+    d_c, rho = solver.cutoff_density(density.quantile, weights)
     if np.isfinite(d_c):
-        return Geodesics(solver, weights, d_c, rho, ())
+        return Geodesics(solver, surface, weights, d_c, rho, ())
     firsts = np.unique(solver.components, return_index=True)[1]
     rows = solver.distances(firsts)
     detail = f"{name}: {len(firsts)} pieces; d_c is the largest finite distance"
     d_c = float(rows[np.isfinite(rows)].max())
-    return Geodesics(solver, weights, d_c, rho, (Note(code="many_components", detail=detail),))
+    return Geodesics(solver, surface, weights, d_c, rho, (Note(code="many_components", detail=detail),))
+
+
+def vertex_weights(mesh: Mesh, size_mm: float, settings: SegmentationSettings) -> FloatArray:
+    """(n,) what each vertex counts for in rho: 1 (paper), its area, or its area times e to its height on a bump."""
+    if settings.density == "vertex":
+        return np.ones(len(mesh.vertices))
+    if settings.density == "area":
+        return mesh.vertex_areas_mm2()
+    return crease.convexity_weights(mesh, settings.convexity_radius_share * size_mm, settings.convexity_sharpness)

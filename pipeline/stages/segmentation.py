@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.errors import ComponentsTooSmall
-from pipeline.kernels import clusterings, density_peaks
+from pipeline.kernels import clusterings, density_peaks, topology
 from pipeline.kernels.nearest import nearest
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.settings import SegmentationSettings
 from pipeline.stages.geodesics import Geodesics
+
+MOST_PEAKS = 1000  # that joining starts from
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +61,8 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
             mesh=name,
         )
     eligible = large[solver.components]
-    centres = density_peaks.choose_centres(
-        np.where(eligible, rho, 0.0),
-        np.where(eligible, delta, 0.0),
-        peaks[eligible[peaks]],
-        delta_min=settings.delta_min_dc * d_c,
-        rho_min=settings.rho_min_share * float(np.median(rho)),
-        max_centres=settings.max_centres,
-        n_centres=settings.n_centres,
-    )
-    labels = density_peaks.assign(uphill, centres)
+    graph = DecisionGraph(np.where(eligible, rho, 0.0), np.where(eligible, delta, 0.0), peaks[eligible[peaks]])
+    centres, labels = _centres(mesh, graph, uphill, d_c, settings)
     halo = density_peaks.halo(
         rho, labels, len(centres), lambda vertices: np.isfinite(solver.nearest_other(vertices, labels, d_c))
     )
@@ -79,6 +73,53 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
         halo = halo | homeless
     found = Segmentation(labels, halo, rho, delta, centres, d_c)
     return found if settings.method == "cfsfdp" else clustered(mesh, found, settings, seed)
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionGraph:
+    """rho, delta : (n,), 0 where no centre may be; forced : the densest vertex of each component that has one"""
+
+    rho: FloatArray
+    delta: FloatArray
+    forced: IndexArray
+
+
+def _centres(
+    mesh: Mesh, graph: DecisionGraph, uphill: IndexArray, d_c: float, settings: SegmentationSettings
+) -> tuple[IndexArray, IntArray]:
+    """Centres, largest rho * delta first, and the label of every vertex (-1: no centre uphill).
+
+    The user's choice first: `rho_min` / `delta_min_mm`, or the number. Else peaks joined over dense borders until each stands
+    out (`prominence`), or thresholds in the decision graph.
+    """
+    by_user = settings.rho_min is not None or settings.delta_min_mm is not None
+    joins = settings.centre_rule == "prominence" and not by_user
+    if by_user:
+        delta_min, rho_min = settings.delta_min_mm or 0.0, settings.rho_min or 0.0
+    elif joins:
+        delta_min, rho_min = d_c, 0.0
+    else:
+        delta_min, rho_min = settings.delta_min_dc * d_c, settings.rho_min_share * float(np.median(graph.rho))
+    centres = density_peaks.choose_centres(
+        graph.rho,
+        graph.delta,
+        graph.forced,
+        delta_min=delta_min,
+        rho_min=rho_min,
+        max_centres=MOST_PEAKS if joins or by_user else settings.max_centres,
+        n_centres=None if joins or by_user else settings.n_centres,
+    )
+    labels = density_peaks.assign(uphill, centres)
+    if not joins:
+        return centres, labels
+    return density_peaks.persistent_centres(
+        graph.rho,
+        labels,
+        centres,
+        topology.edges(mesh.faces).ends,
+        min_prominence=settings.min_prominence,
+        n_centres=settings.n_centres,
+    )
 
 
 def clustered(mesh: Mesh, peaks: Segmentation, settings: SegmentationSettings, seed: int) -> Segmentation:

@@ -91,3 +91,27 @@ def test_halo_asked_in_batches_is_the_definition() -> None:
     expected = np.where(labels >= 0, rho < border_rho[labels], False)
     found = density_peaks.halo(rho, labels, 3, lambda vertices: np.asarray(touches[vertices]))
     np.testing.assert_array_equal(found, expected)
+
+
+def test_peaks_over_a_dense_border_are_joined_and_over_a_thin_one_stay() -> None:
+    """Four bumps on a line; the borders have half, a hundredth and half of the peaks' density."""
+    height = np.array([1.0, 0.5, 1.1, 0.01, 1.2, 0.5, 0.9])
+    ends = np.stack([np.arange(6), np.arange(1, 7)], axis=1)
+    labels = np.array([0, 0, 1, 1, 2, 2, 3], dtype=np.int32)
+    candidates = np.array([0, 2, 4, 6])
+    centres, joined = density_peaks.persistent_centres(height, labels, candidates, ends, min_prominence=2.0)
+    np.testing.assert_array_equal(centres, [2, 4])  # the higher of each pair
+    np.testing.assert_array_equal(joined, [0, 0, 0, 0, 1, 1, 1])
+    all_four, same = density_peaks.persistent_centres(height, labels, candidates, ends, min_prominence=0.1)
+    np.testing.assert_array_equal(all_four, candidates)
+    np.testing.assert_array_equal(same, labels)
+    three, _ = density_peaks.persistent_centres(height, labels, candidates, ends, min_prominence=9.0, n_centres=3)
+    assert len(three) == 3
+
+
+def test_clusters_that_do_not_touch_are_never_joined() -> None:
+    ends = np.array([[0, 1], [2, 3]])
+    labels = np.array([0, 0, 1, 1], dtype=np.int32)
+    centres, joined = density_peaks.persistent_centres(np.ones(4), labels, np.array([0, 2]), ends, min_prominence=50.0)
+    np.testing.assert_array_equal(centres, [0, 2])
+    np.testing.assert_array_equal(joined, labels)

@@ -15,9 +15,10 @@ from tests import shapes
 
 
 def analysed(mesh: Mesh, radius_mm: float, settings: Settings) -> tuple[Segmentation, Features, LandmarkSet]:
-    distances = geodesics(mesh, "mesh", settings.segmentation.quantile)
+    size_mm = float(np.sqrt(mesh.face_areas_mm2().sum()))
+    distances = geodesics(mesh, "mesh", size_mm, settings.geodesics, settings.segmentation)
     segmentation = segment(mesh, "mesh", distances, settings.segmentation)
-    measured = features(mesh, distances.solver, radius_mm, settings.features)
+    measured = features(mesh, distances.surface, radius_mm, settings.features)
     return segmentation, measured, landmarks(mesh, segmentation, measured, settings.landmarks)
 
 
