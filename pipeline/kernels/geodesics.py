@@ -26,6 +26,7 @@ OnShare = Callable[[float], bool | None]  # hears the share done; answering Fals
 
 _SLACK = 1e-9  # two directions of a pair differ by less than this, relatively
 _SAMPLE = 256  # sources that d_c is first estimated from
+GAUSSIAN_REACH = 3.0  # in d_c; at 2 the segments of teeth are already worse
 _MAX_SHELLS = 300
 _SHELL = 0.05  # and the half width of the shell it is then looked for in
 
@@ -102,11 +103,11 @@ class GeodesicSolver:
     def density(self, d_c: float, weights: FloatArray, *, gaussian: bool = False) -> FloatArray:
         """(n,) local density, streamed: memory is O(n) and never a matrix.
 
-        Cut-off kernel: sum of `weights` over d(i, j) < d_c, the own weight included (Rodriguez & Laio 2014, eq. 1). Gaussian: the
-        same with exp(-(d / d_c)^2), up to 3 d_c. Densities are rounded to 2^-40 of the largest, so that equal ones are equal
-        whatever order they were added up in.
+        Cut-off kernel: sum of `weights` over d(i, j) < d_c, the own weight included (Rodriguez & Laio 2014, eq. 1). Gaussian:
+        the same with exp(-(d / d_c)^2), up to GAUSSIAN_REACH d_c. Densities are rounded to 2^-40 of the largest, so that equal
+        ones are equal whatever order they were added up in.
         """
-        limit, scale = (3.0 * d_c, d_c) if gaussian else (d_c, 0.0)
+        limit, scale = (GAUSSIAN_REACH * d_c, d_c) if gaussian else (d_c, 0.0)
         shell = self._pass(weights, limit * (1 - _SLACK), limit * (1 + _SLACK), scale)
         return rounded(shell.up_to(limit, weights, scale)[1] + weights)
 

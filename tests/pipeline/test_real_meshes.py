@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import pipeline
+from pipeline import Settings
 from pipeline.kernels import rigid
 from tests.accuracy.bench import printed, read, save
+from tests.accuracy.teeth import score, tooth_of_vertex
 
 pytestmark = pytest.mark.data
 
@@ -45,7 +47,17 @@ def test_another_patients_arch_is_no_match(data: Path) -> None:
 def test_a_plate_of_eleven_parts_is_analysed(data: Path) -> None:
     """3MF with build transforms and several pieces, against itself."""
     plate = data / "cad" / "so100_mini_plate.3mf"
-    result = pipeline.register(plate, plate)
+    few = Settings.model_validate({"resample": {"target_vertices": 1000}, "matching": {"dense_pairs": False}})
+    result = pipeline.register(plate, plate, settings=few)
     assert result.verdict.status == "ok"
     assert result.segments.design.count >= 11
     assert result.metrics.rmse_mm == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["001C", "012C", "013C", "022C"])
+def test_one_tooth_one_segment(name: str, data: Path) -> None:
+    """Adjusted Rand index over the tooth vertices, and a centre on every tooth; K-means reaches 0.55 to 0.66."""
+    arch = data / "dental" / f"arch_{name}.ply"
+    found = score(arch, tooth_of_vertex(arch), Settings())
+    assert found.index > 0.75
+    assert found.own == found.teeth
