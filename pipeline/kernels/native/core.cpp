@@ -66,7 +66,7 @@ class Solver {
             throw std::invalid_argument("faces and lengths must both be (m, 3)");
     }
 
-    Out2<double> distances(const In1<int64_t>& sources, double radius, int threads, Progress progress) {
+    Out2<double> distances(const In1<int64_t>& sources, double radius, int threads, const Progress& progress) {
         const auto count = static_cast<int64_t>(sources.shape(0));
         check(sources);
         auto* rows = new std::vector<double>(static_cast<size_t>(count) * mesh_.n, cusp::kInfinity);
@@ -102,7 +102,7 @@ class Solver {
 
     // Distance from sources[i] to targets[i], each search stopping there; inf beyond bounds[i].
     Out1<double> between(const In1<int64_t>& sources, const In1<int64_t>& targets, const In1<double>& bounds, int threads,
-                         Progress progress) {
+                         const Progress& progress) {
         check(sources);
         check(targets);
         const auto count = static_cast<int64_t>(sources.shape(0));
@@ -125,36 +125,24 @@ class Solver {
     }
 
     // Ball of every source, itself left out: (counts, vertices by number, distances), one direction only.
-    Found balls(const In1<int64_t>& sources, double radius, int threads, Progress progress) {
-        const auto count = static_cast<int64_t>(sources.shape(0));
+    Found balls(const In1<int64_t>& sources, double radius, int threads, const Progress& progress) {
         check(sources);
-        std::vector<std::vector<Pair>> found(count);
-        std::vector<int64_t> sizes(count);
-        std::vector<int32_t> vertices;
-        std::vector<double> distances;
+        std::vector<std::vector<Pair>> found(sources.shape(0));
         const Watch watch = watched(progress);
         {
             const nb::gil_scoped_release free;
-            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+            over_sources(static_cast<int64_t>(found.size()), threads, watch, [&](WindowSearch& search, int64_t i) {
                 found[i] = ball(search, static_cast<int32_t>(sources.data()[i]), radius);
-                sizes[i] = static_cast<int64_t>(found[i].size());
             });
-            const auto total = std::accumulate(sizes.begin(), sizes.end(), int64_t{0});
-            vertices.reserve(total);
-            distances.reserve(total);
-            for (auto& row : found) {
-                for (const Pair& pair : row) vertices.push_back(pair.vertex), distances.push_back(pair.distance);
-                std::vector<Pair>().swap(row);
-            }
         }
-        return {to_numpy(std::move(sizes)), to_numpy(std::move(vertices)), to_numpy(std::move(distances))};
+        return flat(std::move(found));
     }
 
     // What lies nearer than `low` to each vertex, added up: how many, and their weights times a kernel, in order of number
     // (kernel: 1, or exp(-(d / scale)^2) when scale > 0); and the pairs with low <= d <= high one by one, since whether a pair
     // at a limit counts is decided from both its ends: (counts, sums, i, j, d).
     std::tuple<Out1<int64_t>, Out1<double>, Out1<int32_t>, Out1<int32_t>, Out1<double>> sums(
-        const In1<double>& weights, double low, double high, double scale, int threads, Progress progress) {
+        const In1<double>& weights, double low, double high, double scale, int threads, const Progress& progress) {
         if (static_cast<int32_t>(weights.shape(0)) != mesh_.n) throw std::invalid_argument("weights must be (n,)");
         std::vector<int64_t> nearer(mesh_.n, 0);
         std::vector<double> sum(mesh_.n, 0.0);
@@ -192,7 +180,7 @@ class Solver {
     // For each source the vertices of smaller rank at the smallest distance, all within `slack` of it: (counts, vertices,
     // distances). Each search stops there.
     Found nearest_denser(const In1<int64_t>& sources, const In1<int64_t>& rank, double slack, int threads,
-                         Progress progress) {
+                         const Progress& progress) {
         if (static_cast<int32_t>(rank.shape(0)) != mesh_.n) throw std::invalid_argument("rank must be (n,)");
         const int64_t* r = rank.data();
         return nearest_where(sources, cusp::kInfinity, slack, threads, progress,
@@ -201,7 +189,7 @@ class Solver {
 
     // The same for vertices of another label >= 0, out to `radius`.
     Found nearest_other(const In1<int64_t>& sources, const In1<int32_t>& labels, double radius, double slack, int threads,
-                        Progress progress) {
+                        const Progress& progress) {
         if (static_cast<int32_t>(labels.shape(0)) != mesh_.n) throw std::invalid_argument("labels must be (n,)");
         const int32_t* label = labels.data();
         return nearest_where(sources, radius, slack, threads, progress,
@@ -239,16 +227,12 @@ class Solver {
     template <class Wanted>
     Found nearest_where(const In1<int64_t>& sources, double radius, double slack, int threads,
                         const Progress& progress, Wanted&& wanted) {
-        const auto count = static_cast<int64_t>(sources.shape(0));
         check(sources);
-        std::vector<std::vector<Pair>> found(count);
-        std::vector<int64_t> sizes(count);
-        std::vector<int32_t> vertices;
-        std::vector<double> distances;
+        std::vector<std::vector<Pair>> found(sources.shape(0));
         const Watch watch = watched(progress);
         {
             const nb::gil_scoped_release free;
-            over_sources(count, threads, watch, [&](WindowSearch& search, int64_t i) {
+            over_sources(static_cast<int64_t>(found.size()), threads, watch, [&](WindowSearch& search, int64_t i) {
                 const auto source = static_cast<int32_t>(sources.data()[i]);
                 double limit = radius;
                 search.run(source, radius, [&](int32_t v, double d) {
@@ -258,12 +242,25 @@ class Solver {
                     }
                     return limit;
                 });
-                sizes[i] = static_cast<int64_t>(found[i].size());
             });
-            for (const auto& row : found)
-                for (const Pair& pair : row) vertices.push_back(pair.vertex), distances.push_back(pair.distance);
         }
-        return {to_numpy(std::move(sizes)), to_numpy(std::move(vertices)), to_numpy(std::move(distances))};
+        return flat(std::move(found));
+    }
+
+    // Rows of pairs as columns, emptied on the way.
+    static Found flat(std::vector<std::vector<Pair>>&& rows) {
+        std::vector<int64_t> counts;
+        std::vector<int32_t> vertices;
+        std::vector<double> distances;
+        for (auto& row : rows) {
+            counts.push_back(static_cast<int64_t>(row.size()));
+            for (const Pair& pair : row) {
+                vertices.push_back(pair.vertex);
+                distances.push_back(pair.distance);
+            }
+            std::vector<Pair>().swap(row);
+        }
+        return {to_numpy(std::move(counts)), to_numpy(std::move(vertices)), to_numpy(std::move(distances))};
     }
 
     std::vector<Pair> ball(WindowSearch& search, int32_t source, double radius) const {
