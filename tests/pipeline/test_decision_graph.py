@@ -42,6 +42,8 @@ def test_a_piece_of_one_vertex_has_a_place_on_the_log_axis(tmp_path: Path) -> No
     graph = peaks(2)
     graph.delta[5] = 0.0
     decision_graph.write(tmp_path / "graph.svg", "mesh", graph, SegmentationSettings())
+    drawn = (tmp_path / "graph.svg").read_text()
+    assert drawn.endswith("</svg>\n") and "nan" not in drawn and "inf" not in drawn
 
 
 def test_numbers_of_twelve_discs_in_one_place_do_not_cover_each_other() -> None:
