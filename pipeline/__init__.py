@@ -7,16 +7,18 @@
 Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first call that computes.
 """
 
-from pipeline.door import MeshFile, find_segments, preload, register
+from pipeline.door import MeshFile, find_landmarks, find_segments, preload, register, study
 from pipeline.errors import PipelineError
 from pipeline.formats import HEAD_BYTES, Format, detect_format
-from pipeline.outcome import RegistrationResult, SegmentsResult
+from pipeline.outcome import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.progress import OnProgress, Progress, Stage
-from pipeline.settings import Settings, Unit
+from pipeline.settings import Detector, Settings, StudyKind, StudySettings, Unit
 
 __all__ = [
     "HEAD_BYTES",
+    "Detector",
     "Format",
+    "LandmarksResult",
     "MeshFile",
     "OnProgress",
     "PipelineError",
@@ -25,9 +27,14 @@ __all__ = [
     "SegmentsResult",
     "Settings",
     "Stage",
+    "StudyKind",
+    "StudyResult",
+    "StudySettings",
     "Unit",
     "detect_format",
+    "find_landmarks",
     "find_segments",
     "preload",
     "register",
+    "study",
 ]

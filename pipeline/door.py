@@ -1,11 +1,12 @@
 """The door's verbs. Kept apart from `run.py` so that importing the door does not import the heavy libraries."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.outcome import RegistrationResult, SegmentsResult
+from pipeline.outcome import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.progress import OnProgress, ignore
-from pipeline.settings import Settings, Unit
+from pipeline.settings import Detector, Settings, StudyKind, Unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,84 @@ def find_segments(
     return run_segments(
         _mesh_file(mesh),
         settings=settings or Settings(),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def find_landmarks(
+    mesh: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> LandmarksResult:
+    """Segments and landmarks of one mesh, by T^2 or by what `settings.landmarks.detector` says.
+
+    Parameters
+    ----------
+    mesh : a file with triangles
+    out : folder for landmarks.csv, mesh.clean.ply, mesh.vertices.csv, mesh.segments.ply, mesh.decision_graph.svg and
+        results.json; None writes nothing and `files` is empty
+    seed : of the draws of some detectors; the same seed, file and settings give the same bytes
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable, has no usable surface, or only pieces too small to have a centre. "Nothing to
+        mark" is a result: no landmarks, and the warning `no_landmarks`.
+    """
+    from pipeline.run import run_landmarks
+
+    return run_landmarks(
+        _mesh_file(mesh),
+        settings=settings or Settings(),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def study(
+    mesh: MeshFile | Path | str,
+    *,
+    kind: StudyKind | None = None,
+    trials: int | None = None,
+    detectors: Sequence[Detector] | None = None,
+    noise_mm: float | None = None,
+    eps: float | None = None,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> StudyResult:
+    """Do landmarks carry what registration needs (`informativeness`, the paper's protocol), and are they found again
+    on another mesh of the same shape (`repeatability`)?
+
+    Parameters
+    ----------
+    mesh : a file with triangles
+    kind, trials, detectors, noise_mm, eps : over `settings.study`, where each is described; None leaves it
+    out : folder for results.json, trials.csv and study.svg; None writes nothing and `files` is empty
+    seed : of every trial's draw; the same seed, file and settings give the same bytes, whatever the number of processors
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable or has no usable surface, or no detector gives three points.
+    """
+    from pipeline.run import run_study
+
+    settings = settings or Settings()
+    asked = {"kind": kind, "trials": trials, "detectors": detectors, "noise_mm": noise_mm, "eps": eps}
+    section = settings.study.model_dump() | {key: value for key, value in asked.items() if value is not None}
+    return run_study(
+        _mesh_file(mesh),
+        settings=Settings.model_validate(settings.model_dump() | {"study": section}),
         seed=seed,
         out=None if out is None else Path(out),
         on_progress=on_progress,

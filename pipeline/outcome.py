@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.settings import SegmentationMethod
+from pipeline.settings import Detector, SegmentationMethod
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
@@ -259,6 +259,102 @@ class SegmentsResult(Record):
     schema_version: Literal["1"] = "1"
     type: Literal["segments"] = "segments"
     segments: SegmentsOfMesh
+    provenance: OneProvenance
+    timings_s: dict[str, float]
+    files: list[str]
+    warnings: list[Note]
+
+
+class LandmarksOfMesh(Record):
+    mesh: list[Landmark]
+
+
+class LandmarksResult(Record):
+    """What a landmarks job found in one mesh."""
+
+    schema_version: Literal["1"] = "1"
+    type: Literal["landmarks"] = "landmarks"
+    segments: SegmentsOfMesh
+    landmarks: LandmarksOfMesh
+    provenance: OneProvenance
+    timings_s: dict[str, float]
+    files: list[str]
+    warnings: list[Note]
+
+
+class Quantiles(Record):
+    """A distribution over trials."""
+
+    n: int = Field(description="trials that gave a value")
+    p05: float | None
+    p25: float | None
+    p50: float | None
+    p75: float | None
+    p95: float | None
+
+
+class InformativenessProtocol(Record):
+    """The paper's five steps on a shape of n points and its own copy: see `pipeline/study.py`."""
+
+    kind: Literal["informativeness"] = "informativeness"
+    trials: int
+    noise_mm: float = Field(description="the copy is moved by up to this along each axis")
+    rotation_deg: float = Field(description="and turned by up to this")
+    points: int = Field(description="points of the complete shape")
+    count: int = Field(description="points a detector")
+    icp: dict[str, str] = Field(description="what each ICP protocol is")
+    tie: float = Field(description="RMSE_c and RMSE_p below this share of the diagonal are both rounding error: a tie")
+
+
+class InformativenessRow(Record):
+    """One detector under one ICP protocol; K = RMSE_c / RMSE_p over the vertices with their known partners."""
+
+    detector: Detector
+    icp: str
+    points: int
+    share_above: float = Field(description="of the trials with K > 1 + 1e-6, ties left out")
+    share_tie: float = Field(description="of the trials where both errors are rounding error")
+    share_at_least_10: float = Field(description="of the trials with K >= 10, ties left out")
+    share_raw_above: float = Field(description="of the trials with K > 1 whatever the size of both, as the paper counts")
+    k: Quantiles
+    rmse_complete_mm: Quantiles
+    rmse_landmarks_mm: Quantiles
+
+
+class RepeatabilityProtocol(Record):
+    kind: Literal["repeatability"] = "repeatability"
+    trials: int = Field(description="a condition")
+    eps: float = Field(description="share of the diagonal")
+    eps_mm: float
+    count: int = Field(description="points a detector, on either mesh")
+    spacing_mm: float = Field(description="least distance of two points of a detector, > 2 eps")
+    conditions: list[str]
+
+
+class RepeatabilityRow(Record):
+    """One detector under one condition, over all its trials."""
+
+    detector: Detector
+    condition: str
+    repeatability: Quantiles = Field(description="found again within eps, one to one, over `count` visible points asked")
+    mean: float = Field(description="of the repeatability")
+    chance: float = Field(description="the same for random points of the same number, by the same count")
+    points: float = Field(description="mean number of points a mesh; fewer than asked are misses")
+    pose_error_mm: Quantiles = Field(
+        description="RMS displacement of the true scan under the pose found from this detector's points alone"
+    )
+    pose_right: float = Field(description="share of trials with a pose within 1 % of the diagonal")
+
+
+class StudyResult(Record):
+    """What a study found: the protocol, one row a detector (and ICP protocol or condition), in words."""
+
+    schema_version: Literal["1"] = "1"
+    type: Literal["study"] = "study"
+    protocol: InformativenessProtocol | RepeatabilityProtocol = Field(discriminator="kind")
+    informativeness: list[InformativenessRow] | None = Field(description="null in the other kind of study")
+    repeatability: list[RepeatabilityRow] | None = Field(description="null in the other kind of study")
+    summary: str = Field(description="one paragraph in words")
     provenance: OneProvenance
     timings_s: dict[str, float]
     files: list[str]

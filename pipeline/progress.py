@@ -18,6 +18,7 @@ class Stage(StrEnum):
     MATCHING = "matching"
     REGISTRATION = "registration"
     DEVIATION = "deviation"
+    STUDY = "study"
     REPORT = "report"
 
 

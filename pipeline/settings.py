@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Unit = Literal["auto", "mm", "cm", "m", "inch"]
 SegmentationMethod = Literal["cfsfdp", "kmeans", "fuzzy_cmeans", "kmedians", "kcenters", "gaussian_mixture"]
+Detector = Literal["t2", "gaussian_curvature", "agd", "hks", "iss", "gp", "farthest", "random"]
+StudyKind = Literal["informativeness", "repeatability"]
 
 
 class Section(BaseModel):
@@ -116,6 +118,12 @@ class FeaturesSettings(Section):
 
 
 class LandmarksSettings(Section):
+    detector: Detector = Field(
+        "t2", description="T^2 in each segment (the method), or a competitor: see `pipeline/stages/detectors.py`"
+    )
+    count: int | None = Field(
+        None, ge=1, le=10_000, description="at most so many, the strongest first; null: all (competitors: as many as t2)"
+    )
     confidence: float = Field(0.97, gt=0, lt=1, description="alpha of the T^2 limit (eq. 3)")
     standardize: bool = Field(
         True, description="one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)"
@@ -172,6 +180,40 @@ class DeviationSettings(Section):
     )
 
 
+class StudySettings(Section):
+    """What a study job does; `options.study` of a job is laid over this."""
+
+    kind: StudyKind = Field(
+        "informativeness", description="the paper's protocol, or are landmarks found again on another mesh of the shape"
+    )
+    trials: int | None = Field(
+        None, ge=1, le=1_000_000, description="null: 10,000 for informativeness, 5 a condition for repeatability"
+    )
+    detectors: tuple[Detector, ...] = Field(
+        ("t2", "gaussian_curvature", "agd", "hks", "iss", "gp", "farthest", "random"),
+        min_length=1,
+        description="landmark detectors compared, with the same number of points each",
+    )
+    noise_mm: float | None = Field(
+        None,
+        gt=0,
+        description="informativeness: each coordinate moves by up to this (paper: 2.5); null: 3 % of the diagonal. "
+        "repeatability: standard deviation of the noise; null: 0.1 % and 0.3 % of the diagonal",
+    )
+    rotation_deg: float = Field(
+        0.0, ge=0, le=180, description="informativeness: also turn by up to this about a random axis (paper: 0)"
+    )
+    eps: float = Field(
+        0.01, gt=0, lt=0.2, description="repeatability: found again means within this share of the diagonal"
+    )
+    count: int | None = Field(
+        None,
+        ge=3,
+        le=10_000,
+        description="points a detector; null: as many as t2 gives for informativeness, 20 for repeatability",
+    )
+
+
 class ReportSettings(Section):
     write_files: bool = Field(True, description="write meshes and tables beside results.json")
 
@@ -189,6 +231,7 @@ class Settings(Section):
     matching: MatchingSettings = MatchingSettings()
     registration: RegistrationSettings = RegistrationSettings()
     deviation: DeviationSettings = DeviationSettings()
+    study: StudySettings = StudySettings()
     report: ReportSettings = ReportSettings()
 
     @model_validator(mode="after")
@@ -211,6 +254,7 @@ class Settings(Section):
             landmarks=LandmarksSettings(
                 standardize=False, include_halo=False, border_distance_radii=0, spacing_radii=0, min_relief=0
             ),
+            study=StudySettings(noise_mm=2.5),
         )
 
     @classmethod
