@@ -1,15 +1,18 @@
 """What one mesh is, before anything is compared: the stages from load to landmarks, for design and scan alike."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from pipeline import decision_graph
 from pipeline.door import MeshFile
 from pipeline.kernels.nearest import nearest
 from pipeline.mesh import IndexArray, Mesh
 from pipeline.outcome import Centre, Landmark, Note, Segments
 from pipeline.progress import Stage
 from pipeline.settings import Settings
+from pipeline.stages import report
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.features import features, features_radius_mm
 from pipeline.stages.geodesics import Geodesics, geodesics
@@ -145,3 +148,14 @@ def cut_record(
             for number, centre in enumerate(segmentation.centres)
         ],
     )
+
+
+def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings) -> list[str]:
+    """`<name>.clean.ply`, `.vertices.csv` and `.decision_graph.svg`; returns their names."""
+    report.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
+    report.write_vertices(
+        *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
+        *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
+    )
+    decision_graph.write(out / f"{name}.decision_graph.svg", name, analysis.segmentation, settings.segmentation)
+    return [f"{name}.clean.ply", f"{name}.vertices.csv", f"{name}.decision_graph.svg"]

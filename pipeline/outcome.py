@@ -315,7 +315,9 @@ class InformativenessRow(Record):
     share_above: float = Field(description="of the trials with K > 1 + 1e-6, ties left out")
     share_tie: float = Field(description="of the trials where both errors are rounding error")
     share_at_least_10: float = Field(description="of the trials with K >= 10, ties left out")
-    share_raw_above: float = Field(description="of the trials with K > 1 whatever the size of both, as the paper counts")
+    share_raw_above: float = Field(
+        description="of the trials with K > 1 whatever the size of both, as the paper counts"
+    )
     k: Quantiles
     rmse_complete_mm: Quantiles
     rmse_landmarks_mm: Quantiles
@@ -336,7 +338,9 @@ class RepeatabilityRow(Record):
 
     detector: Detector
     condition: str
-    repeatability: Quantiles = Field(description="found again within eps, one to one, over `count` visible points asked")
+    repeatability: Quantiles = Field(
+        description="found again within eps, one to one, over `count` visible points asked"
+    )
     mean: float = Field(description="of the repeatability")
     chance: float = Field(description="the same for random points of the same number, by the same count")
     points: float = Field(description="mean number of points a mesh; fewer than asked are misses")

@@ -7,10 +7,19 @@ from pathlib import Path
 
 from pipeline import decision_graph, palette, records
 from pipeline import watch as shares
-from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record
+from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record, write_analysis
 from pipeline.door import MeshFile
 from pipeline.kernels.surface import Surface
-from pipeline.outcome import Inputs, Landmarks, RegistrationResult, SegmentsOfMesh, SegmentsPair, SegmentsResult
+from pipeline.outcome import (
+    Inputs,
+    Landmarks,
+    LandmarksOfMesh,
+    LandmarksResult,
+    RegistrationResult,
+    SegmentsOfMesh,
+    SegmentsPair,
+    SegmentsResult,
+)
 from pipeline.progress import OnProgress, Stage
 from pipeline.settings import Settings
 from pipeline.stages import report
@@ -68,14 +77,10 @@ def run_registration(
         with watch.stage(Stage.REPORT):
             out.mkdir(parents=True, exist_ok=True)
             if settings.report.write_files:
-                for name, analysis in (("design", design), ("scan", scan)):
-                    report.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
-                    report.write_vertices(
-                        *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
-                        *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
-                    )
-                    files += [f"{name}.clean.ply", f"{name}.vertices.csv"]
-                report.write_landmarks(out / "landmarks.csv", landmarks)
+                files += write_analysis(out, "design", design, settings) + write_analysis(out, "scan", scan, settings)
+                report.write_landmarks(
+                    out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
+                )
                 files.append("landmarks.csv")
                 if found:
                     report.write_mesh(out / "aligned.ply", scan.mesh.moved(T_design_scan))
@@ -143,6 +148,47 @@ def run_segments(
         timings_s=watch.timings_s(),
         files=sorted(files),
         warnings=[*found.distances.warnings, *records.input_warnings(mesh=cleaned)],
+    )
+    if out is not None:
+        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return result
+
+
+def run_landmarks(
+    file: MeshFile,
+    *,
+    settings: Settings,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+) -> LandmarksResult:
+    """See `pipeline.find_landmarks`."""
+    watch = Watch(on_progress, shares.LANDMARKS)
+    loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
+    mesh = cleaned.mesh
+    found = analyse(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
+    marked = landmark_records(found)
+
+    files: list[str] = []
+    if out is not None:
+        with watch.stage(Stage.REPORT):
+            out.mkdir(parents=True, exist_ok=True)
+            if settings.report.write_files:
+                files = write_analysis(out, "mesh", found, settings)
+                labels, halo = found.segmentation.labels, found.segmentation.halo
+                colours = palette.of_vertices(labels, halo)[found.resampled.working_of_clean]
+                report.write_mesh(out / "mesh.segments.ply", mesh, colours)
+                report.write_landmarks(out / "landmarks.csv", {"mesh": marked})
+                files += ["mesh.segments.ply", "landmarks.csv"]
+            files.append("results.json")
+
+    result = LandmarksResult(
+        segments=SegmentsOfMesh(mesh=segments_record(found, settings)),
+        landmarks=LandmarksOfMesh(mesh=marked),
+        provenance=records.one_provenance(records.input_record(loaded, cleaned), settings, seed),
+        timings_s=watch.timings_s(),
+        files=sorted(files),
+        warnings=[*found.warnings, *records.input_warnings(mesh=cleaned)],
     )
     if out is not None:
         (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")

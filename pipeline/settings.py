@@ -122,7 +122,10 @@ class LandmarksSettings(Section):
         "t2", description="T^2 in each segment (the method), or a competitor: see `pipeline/stages/detectors.py`"
     )
     count: int | None = Field(
-        None, ge=1, le=10_000, description="at most so many, the strongest first; null: all (competitors: as many as t2)"
+        None,
+        ge=1,
+        le=10_000,
+        description="at most so many, the strongest first; null: all (competitors: as many as t2)",
     )
     confidence: float = Field(0.97, gt=0, lt=1, description="alpha of the T^2 limit (eq. 3)")
     standardize: bool = Field(

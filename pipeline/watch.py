@@ -29,11 +29,22 @@ SEGMENTS: dict[Stage, float] = {
     Stage.SEGMENTATION: 25,
     Stage.REPORT: 15,
 }
+LANDMARKS: dict[Stage, float] = {
+    Stage.LOAD: 4,
+    Stage.CLEAN: 6,
+    Stage.RESAMPLE: 22,
+    Stage.GEODESICS: 12,
+    Stage.SEGMENTATION: 26,
+    Stage.FEATURES: 14,
+    Stage.LANDMARKS: 6,
+    Stage.REPORT: 10,
+}
+STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Stage.REPORT: 2}
 
 
 class Watch:
     """`with watch.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by what
-    `shares` (REGISTRATION or SEGMENTS) has for it.
+    `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
     """
 
     def __init__(self, on_progress: OnProgress, shares: dict[Stage, float]) -> None:
@@ -52,6 +63,11 @@ class Watch:
         finally:
             self._seconds[stage] = self._seconds.get(stage, 0.0) + time.perf_counter() - start
         self._done = min(100.0, self._done + self._shares[stage])
+
+    def within(self, stage: Stage, share: float, message: str) -> None:
+        """Tell how far a long stage has come: `share` of it in [0, 1]. Call it inside `with self.stage(stage)`."""
+        percent = self._done + min(max(share, 0.0), 1.0) * self._shares[stage]
+        self._on_progress(Progress(stage, min(100.0, percent), f"{stage.value}: {message}"))
 
     def timings_s(self) -> dict[str, float]:
         """Seconds by stage, both meshes together, in the order the stages ran."""

@@ -1,14 +1,14 @@
 """Write the files of a job: meshes, tables, results.json. The same input gives the same bytes."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 
 from pipeline.mesh import FloatArray, IndexArray, Mesh
-from pipeline.outcome import Landmark, Landmarks
+from pipeline.outcome import Landmark, Match
 from pipeline.stages.segmentation import Segmentation
 
 VERTEX_COLUMNS = ("vertex", "x_mm", "y_mm", "z_mm", "segment", "halo", "rho", "delta", "t2", "landmark")
@@ -67,12 +67,13 @@ def write_vertices(
     _write_csv(path, VERTEX_COLUMNS, zip(*columns, strict=True))
 
 
-def write_landmarks(path: Path, landmarks: Landmarks) -> None:
-    """All landmarks of both meshes, each in its own mesh's frame; `matched_to` is the id on the other mesh."""
-    of_design = {match.design: match.scan for match in landmarks.matches}
-    of_scan = {match.scan: match.design for match in landmarks.matches}
-    rows = [_row("design", landmark, of_design) for landmark in landmarks.design]
-    rows += [_row("scan", landmark, of_scan) for landmark in landmarks.scan]
+def write_landmarks(path: Path, landmarks: Mapping[str, Sequence[Landmark]], matches: Sequence[Match] = ()) -> None:
+    """All landmarks by mesh, each in its own mesh's frame; `matched_to` is the id on the other mesh."""
+    partners = {
+        "design": {match.design: match.scan for match in matches},
+        "scan": {match.scan: match.design for match in matches},
+    }
+    rows = [_row(mesh, each, partners.get(mesh, {})) for mesh, found in landmarks.items() for each in found]
     _write_csv(path, LANDMARK_COLUMNS, rows)
 
 
