@@ -16,17 +16,24 @@ def preload() -> None:
 
 
 def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) -> None:
-    """Register `task["scan"]` to `task["design"]`, and write results.json and the files to `task["out"]`."""
-    design, scan = (
-        pipeline.MeshFile(Path(mesh["path"]), unit=mesh["unit"], filename=mesh["filename"])
-        for mesh in (task["design"], task["scan"])
-    )
-    pipeline.register(
-        design,
-        scan,
-        settings=pipeline.Settings.model_validate(task["settings"]),
-        tolerance_mm=task["tolerance_mm"],
-        seed=task["seed"],
-        out=task["out"],
-        on_progress=lambda progress: on_progress(progress.stage.value, progress.percent, progress.message),
-    )
+    """Do what `task["type"]` says with its meshes, and write results.json and the files to `task["out"]`."""
+    common: dict[str, Any] = {
+        "settings": pipeline.Settings.model_validate(task["settings"]),
+        "seed": task["seed"],
+        "out": task["out"],
+        "on_progress": lambda progress: on_progress(progress.stage.value, progress.percent, progress.message),
+    }
+    match task["type"]:
+        case "registration":
+            design, scan = _mesh(task["design"]), _mesh(task["scan"])
+            pipeline.register(design, scan, tolerance_mm=task["tolerance_mm"], **common)
+        case "landmarks":
+            pipeline.find_landmarks(_mesh(task["mesh"]), **common)
+        case "study":
+            pipeline.study(_mesh(task["mesh"]), **common)
+        case other:
+            raise ValueError(f"a job of type {other!r} was accepted, but none runs here")
+
+
+def _mesh(given: dict[str, Any]) -> pipeline.MeshFile:
+    return pipeline.MeshFile(Path(given["path"]), unit=given["unit"], filename=given["filename"])

@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
-from service import cli_jobs
+from service import cli_jobs, cli_meshes
 from service.settings import ServiceSettings
 
 app = typer.Typer(
@@ -17,7 +17,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("register")(cli_jobs.register)
-app.command("segment")(cli_jobs.segment)
+app.command("segment")(cli_meshes.segment)
+app.command("landmarks")(cli_meshes.landmarks)
+app.command("study")(cli_meshes.study)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
 

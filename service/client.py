@@ -4,6 +4,7 @@ with Client("http://127.0.0.1:8000") as cusp:
     job = cusp.submit(Path("design.stl"), Path("scan.stl"), {"tolerance_mm": 0.1})
     job = cusp.wait(job.id)
     print(cusp.results(job.id)["verdict"]["status"])
+    job = cusp.submit(Path("part.stl"), job_type="landmarks")
 """
 
 import json
@@ -17,7 +18,8 @@ from typing import Any, Self
 import httpx
 from pydantic import ValidationError
 
-from service.schemas import Blob, FileEntry, FileList, Job, Problem
+from service.job_types import MESHES
+from service.schemas import Blob, FileEntry, FileList, Job, JobType, Problem
 
 CONNECT_TIMEOUT_S = 5.0
 TRANSFER_TIMEOUT_S = 300.0  # without a byte moving
@@ -68,14 +70,30 @@ class Client:
         except httpx.TransportError:
             return False
 
-    def submit(self, design: Path, scan: Path, options: Mapping[str, Any] | None = None) -> Job:
-        """Upload both files as `curl` would, and start a job. Returns at once, with the job accepted."""
+    def submit(
+        self,
+        mesh: Path,
+        scan: Path | None = None,
+        options: Mapping[str, Any] | None = None,
+        *,
+        job_type: JobType = "registration",
+    ) -> Job:
+        """Upload the files as `curl` would, and start a job. Returns at once, with the job accepted.
+
+        Parameters
+        ----------
+        mesh : the design of a registration; of the other types, the mesh
+        scan : of a registration only
+        """
+        given = [mesh] if scan is None else [mesh, scan]
+        if len(given) != len(MESHES[job_type]):
+            raise ValueError(f"a {job_type} job takes {' and '.join(MESHES[job_type])}, not {len(given)} file(s)")
         with ExitStack() as stack:
             files = {
-                "design": (design.name, stack.enter_context(design.open("rb"))),
-                "scan": (scan.name, stack.enter_context(scan.open("rb"))),
+                name: (path.name, stack.enter_context(path.open("rb")))
+                for name, path in zip(MESHES[job_type], given, strict=True)
             }
-            data = {"type": "registration", "options": json.dumps(dict(options or {}))}
+            data = {"type": job_type, "options": json.dumps(dict(options or {}))}
             return Job.model_validate_json(self._call("POST", "/v1/jobs", files=files, data=data).content)
 
     def put_blob(self, mesh: Path) -> Blob:

@@ -4,12 +4,24 @@ tests hold them against the schemas and the table, and the OpenAPI document show
 from typing import Any
 
 import pipeline.errors as mesh
-from pipeline import PipelineError
+from pipeline import PipelineError, StudySettings
 from service import errors
 from service.errors import ServiceError, problem_of
 from service.forked import out_of_memory_detail
 from service.jobs import JobRow
-from service.schemas import Blob, BlobRef, JobRequest, Options, Problem, ProblemItem, Status, Units
+from service.schemas import (
+    Blob,
+    BlobRef,
+    JobRequest,
+    LandmarksRequest,
+    Options,
+    Problem,
+    ProblemItem,
+    RegistrationRequest,
+    Status,
+    StudyRequest,
+    Units,
+)
 from service.views import job_of
 
 JOB_ID = "01a2019a-6685-7220-8c73-80d9802cf568"
@@ -26,7 +38,9 @@ SERVICE_ERRORS: list[ServiceError] = [
         "options.settings.segmentation.quantil: unknown key",
         errors=[ProblemItem(pointer="/options/settings/segmentation/quantil", detail="unknown key")],
     ),
-    errors.UnsupportedType("type 'study': this version only runs registration; leave `type` out"),
+    errors.UnsupportedType(
+        "type 'segment': this version runs registration, landmarks, study; without `type` it is the first"
+    ),
     errors.UnsupportedOption(
         "options.webhook: this version does not have it; "
         "poll the job, or send `Prefer: wait=30` with the status request"
@@ -36,7 +50,7 @@ SERVICE_ERRORS: list[ServiceError] = [
         "the request has more than the 512 MiB it may have; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
     ),
     errors.UnsupportedMediaType(
-        "Content-Type 'text/plain': send multipart/form-data with the files design and scan, or application/json"
+        "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), or application/json"
     ),
     errors.NotFound("nothing is at /v1/job; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
@@ -54,7 +68,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.JobOutOfMemory(out_of_memory_detail(4096)),
     errors.JobTimedOut(
         "the job ran longer than the 900 s it may take and was stopped; decimate the meshes, "
-        "lower resample.target_vertices, or raise CUSP_JOB_TIME_LIMIT_S"
+        "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
     ),
 ]
 
@@ -83,8 +97,8 @@ def examples() -> dict[str, Any]:
     raised: list[PipelineError | ServiceError] = [*SERVICE_ERRORS, *MESH_ERRORS]
     told = {f"problem.{error.code}.json": problem_example(error) for error in raised}
     documents = {
-        "job_request.json": _request().model_dump(mode="json", exclude_defaults=True),
-        "options.json": _request().options.model_dump(mode="json"),
+        **{f"job_request.{each.type}.json": each.model_dump(mode="json", exclude_unset=True) for each in _requests()},
+        "options.json": _registration().options.model_dump(mode="json"),
         "blob.json": Blob(id=BLOB_ID, size=684, format="stl").model_dump(mode="json"),
         **{f"job.{status.value}.json": _job(status).model_dump(mode="json") for status in Status},
     }
@@ -97,8 +111,20 @@ def problem_example(error: PipelineError | ServiceError) -> dict[str, Any]:
     return problem_of(error, instance=instance).model_dump(mode="json", exclude_none=True)
 
 
-def _request() -> JobRequest:
-    return JobRequest(
+def _requests() -> list[JobRequest]:
+    """One of each type."""
+    part = BlobRef(blob=BLOB_ID, filename="bracket.stl")
+    landmarks = Options(settings={"landmarks": {"count": 20}}, units=Units(mesh="mm"), label="bracket")
+    study = StudySettings(kind="informativeness", trials=1000, detectors=("t2", "iss", "random"))
+    return [
+        _registration(),
+        LandmarksRequest(type="landmarks", mesh=part, options=landmarks),
+        StudyRequest(type="study", mesh=part, options=Options(study=study, seed=7)),
+    ]
+
+
+def _registration() -> RegistrationRequest:
+    return RegistrationRequest(
         type="registration",
         design=BlobRef(blob=BLOB_ID, filename="bracket.stl"),
         scan=BlobRef(blob=OTHER_BLOB_ID, filename="bracket-0042.ply"),

@@ -38,7 +38,7 @@ def _error(
     if by == "time":
         return JobTimedOut(
             f"the job ran longer than the {time_limit_s:g} s it may take and was stopped; decimate the meshes, "
-            "lower resample.target_vertices, or raise CUSP_JOB_TIME_LIMIT_S"
+            "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
         )
     if by == "memory":
         return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))

@@ -22,11 +22,27 @@ from service.errors import (
     UnknownBlob,
     UnsupportedMediaType,
 )
+from service.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
 from service.jobs import JobRow, new_id
-from service.options import invalid_request, parse_options, parse_type
-from service.schemas import Blob, JobRequest, Options, ProblemItem, Status
+from service.options import invalid_request, parse_options
+from service.schemas import (
+    Blob,
+    BlobRef,
+    JobRequest,
+    JobType,
+    LandmarksRequest,
+    Options,
+    ProblemItem,
+    RegistrationRequest,
+    Status,
+    StudyRequest,
+)
 
-MESHES = ("design", "scan")
+REQUESTS: dict[JobType, type[JobRequest]] = {
+    "registration": RegistrationRequest,
+    "landmarks": LandmarksRequest,
+    "study": StudyRequest,
+}
 MAX_TEXT_BYTES = 1024 * 1024  # of a JSON body, or of a text part of a form
 log = structlog.get_logger()
 
@@ -49,7 +65,7 @@ async def accept_job(request: Request, api: Api) -> JobRow:
     if kind == "application/json":
         return await run_in_threadpool(_from_json, api, await _body(request))
     raise UnsupportedMediaType(
-        f"Content-Type {kind!r}: send multipart/form-data with the files design and scan, or application/json"
+        f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
     )
 
 
@@ -69,11 +85,15 @@ async def accept_blob(request: Request, api: Api, filename: str | None) -> Blob:
 
 def _from_form(api: Api, form: FormData) -> JobRow:
     job_type = parse_type(_text(form, "type", "registration"))
-    unknown = sorted({name for name, _ in form.multi_items()} - {*MESHES, "type", "options"})
-    if unknown:
-        raise _wrong_part(unknown[0], "unknown part; a job has the parts design, scan, type and options")
+    given = sorted({name for name, _ in form.multi_items()})
+    check_meshes(job_type, given)
+    known = (*MESHES[job_type], "type", "options")
+    for name in given:
+        if name not in known:
+            raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
     options = parse_options(_text(form, "options", "{}"))
-    sources = [_source(form, name) for name in MESHES]
+    check_options(job_type, options)
+    sources = [_source(form, name) for name in MESHES[job_type]]
     _check_room(api)
     blobs = _keep(api, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
@@ -87,21 +107,23 @@ def _from_json(api: Api, body: bytes) -> JobRow:
         raise BadRequest(f"the body is not JSON: {error}") from error
     if not isinstance(given, dict):
         raise InvalidRequest("the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")])
-    parse_type(given.get("type", "registration"))
+    job_type = parse_type(given.get("type", "registration"))
+    check_meshes(job_type, given)
     options = parse_options(given.pop("options", {}))
+    check_options(job_type, options)
     try:
-        job = JobRequest.model_validate(given)
+        job = REQUESTS[job_type].model_validate(given)
     except ValidationError as error:
         raise invalid_request(error) from error
-    inputs = {name: getattr(job, name) for name in MESHES}
+    inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
         if api.jobs.blob(ref.blob) is None or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
     _check_room(api)
-    return _store(api, job.type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return _store(api, job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
-def _store(api: Api, job_type: str, inputs: dict[str, Any], options: Options) -> JobRow:
+def _store(api: Api, job_type: JobType, inputs: dict[str, Any], options: Options) -> JobRow:
     row = JobRow(
         id=new_id(),
         type=job_type,
@@ -118,7 +140,7 @@ def _store(api: Api, job_type: str, inputs: dict[str, Any], options: Options) ->
     except Exception:
         # The row is committed, so the job is safe: the reaper enqueues it.
         log.exception("enqueue failed", job_id=row.id)
-    log.info("job accepted", job_id=row.id, label=row.label)
+    log.info("job accepted", job_id=row.id, type=job_type, label=row.label)
     return row
 
 
@@ -126,7 +148,7 @@ def _keep(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, 
     """Check each upload and store it under its content; when one is refused, none is stored."""
     try:
         formats = {
-            name: detect_format(upload.head, upload.size, filename, mesh=name if name in MESHES else None)
+            name: detect_format(upload.head, upload.size, filename, mesh=name if name in ALL_MESHES else None)
             for name, (upload, filename) in uploads.items()
         }
     except BaseException:
@@ -144,9 +166,9 @@ def _keep(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, 
 def _source(form: FormData, name: str) -> Source:
     given = form.getlist(name)
     if len(given) != 1:
-        raise _wrong_part(name, "the file is missing" if not given else "more than one file is given")
+        raise wrong_part(name, "the file is missing" if not given else "more than one file is given")
     if not isinstance(given[0], UploadFile):
-        raise _wrong_part(name, "must be a file, not text (with curl: -F design=@part.stl, mind the @)")
+        raise wrong_part(name, f"must be a file, not text (with curl: -F {name}=@part.stl, mind the @)")
     return Source(name, given[0].file, given[0].filename or None)
 
 
@@ -159,11 +181,7 @@ def _text(form: FormData, name: str, default: str) -> str:
     try:
         return given.file.read().decode()
     except UnicodeDecodeError as error:
-        raise _wrong_part(name, "must be UTF-8 text") from error
-
-
-def _wrong_part(name: str, detail: str) -> InvalidRequest:
-    return InvalidRequest(f"{name}: {detail}", errors=[ProblemItem(pointer=f"/{name}", detail=detail)])
+        raise wrong_part(name, "must be UTF-8 text") from error
 
 
 def _check_room(api: Api) -> None:

@@ -8,14 +8,15 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from service.examples import examples
+from service.job_body import EXTRA_SCHEMAS
 from service.problems import MEDIA_TYPE as PROBLEM_TYPE
 from service.problems import problems
-from service.routes.jobs import EXTRA_SCHEMAS
 from service.schemas import Problem
 
 DESCRIPTION = """Registers the scan of a 3D-printed part to its design, with nobody picking points.
 
 POST two meshes, poll the job, get JSON: verdict, transform, landmarks, RMSEs, deviation, and the files behind them.
+POST one mesh for its segments and landmarks (`type` `landmarks`), or for a study of what landmarks are worth (`study`).
 Every error is an RFC 9457 problem with a stable `code`."""
 
 
@@ -65,6 +66,10 @@ def _document(app: FastAPI) -> dict[str, Any]:
         for status, answer in answers.items():
             if PROBLEM_TYPE in answer.get("content", {}):
                 answer["content"][PROBLEM_TYPE]["examples"] = _problem_examples(int(status))
+    request = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"]
+    request["examples"] = {
+        name.split(".")[1]: {"value": each} for name, each in examples().items() if name.startswith("job_request.")
+    }
     for unused in ("HTTPValidationError", "ValidationError"):  # ours are problems
         schemas.pop(unused, None)
     document["components"]["schemas"] = dict(sorted(schemas.items()))

@@ -7,21 +7,10 @@ from typing import Any
 from pydantic import JsonValue, ValidationError
 
 from pipeline import Settings
-from service.errors import BadRequest, InvalidOptions, InvalidRequest, UnsupportedOption, UnsupportedType
-from service.schemas import JobType, Options, ProblemItem
+from service.errors import BadRequest, InvalidOptions, InvalidRequest, UnsupportedOption
+from service.schemas import Options, ProblemItem
 
-JOB_TYPES: tuple[JobType, ...] = ("registration",)  # those the pipeline's door offers
-LATER_OPTIONS = {
-    "webhook": "poll the job, or send `Prefer: wait=30` with the status request",
-    "study": "this version runs registrations only",
-}
-
-
-def parse_type(given: object) -> JobType:
-    """The type of a job. Raises UnsupportedType."""
-    if given not in JOB_TYPES:
-        raise UnsupportedType(f"type {given!r}: this version only runs {', '.join(JOB_TYPES)}; leave `type` out")
-    return given
+LATER_OPTIONS = {"webhook": "poll the job, or send `Prefer: wait=30` with the status request"}
 
 
 def parse_options(given: object) -> Options:
@@ -49,8 +38,11 @@ def parse_options(given: object) -> Options:
 
 
 def resolve_settings(options: Options) -> Settings:
-    """The pipeline's settings: the preset, with what was sent over it. Raises ValidationError."""
-    return Settings.model_validate(_merged(Settings.preset(options.preset).model_dump(), options.settings))
+    """The pipeline's settings: the preset, `settings` over it, `study` over those. Raises ValidationError."""
+    settings = _merged(Settings.preset(options.preset).model_dump(), options.settings)
+    if options.study is not None:
+        settings = _merged(settings, {"study": options.study.model_dump(exclude_unset=True)})
+    return Settings.model_validate(settings)
 
 
 def invalid_request(error: ValidationError) -> InvalidRequest:

@@ -1,5 +1,6 @@
-"""Results on a terminal: the verdict, the transform and the RMSEs; or the segments."""
+"""Results on a terminal, in a few lines: what each type of results says first."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,21 @@ RMSES = {
 
 
 def print_results(results: dict[str, Any], out: Path | None, console: Console) -> None:
-    """A summary of results.json for a person."""
+    """A summary of results.json for a person; warnings and where the files are come last."""
+    {
+        "registration": _registration,
+        "segments": _segments,
+        "landmarks": _landmarks,
+        "study": _study,
+    }[results["type"]](results, console)
+    for warning in results["warnings"]:
+        console.print(f"warning: {warning['code']}: {warning['detail']}", highlight=False, markup=False)
+    if out is not None:
+        console.print(f"files: {out}", highlight=False, markup=False)
+
+
+def _registration(results: dict[str, Any], console: Console) -> None:
+    """Verdict, transform, RMSEs."""
     verdict = results["verdict"]
     confidence = "" if verdict["confidence"] is None else f" (confidence {verdict['confidence']:.2f})"
     console.print(f"verdict: [bold]{verdict['status']}[/bold]{confidence}", highlight=False)
@@ -30,21 +45,49 @@ def print_results(results: dict[str, Any], out: Path | None, console: Console) -
         value = results["metrics"][key]
         table.add_row(words, "-" if value is None else f"{value:.4f}")
     console.print(table)
-    _print_end(results, out, console)
 
 
-def print_segments(results: dict[str, Any], out: Path | None, console: Console) -> None:
-    """A summary of the results.json of `find_segments` for a person."""
+def _segments(results: dict[str, Any], console: Console) -> None:
     segments = results["segments"]["mesh"]
     console.print(f"segments: [bold]{segments['count']}[/bold] by {segments['method']}", highlight=False)
     console.print(f"d_c: {segments['d_c']:.4g} mm", highlight=False)
     console.print(f"halo: {segments['halo_fraction']:.1%} of the working vertices", highlight=False)
-    _print_end(results, out, console)
 
 
-def _print_end(results: dict[str, Any], out: Path | None, console: Console) -> None:
-    """Warnings, and where the files are."""
-    for warning in results["warnings"]:
-        console.print(f"warning: {warning['code']}: {warning['detail']}", highlight=False, markup=False)
-    if out is not None:
-        console.print(f"files: {out}", highlight=False, markup=False)
+def _landmarks(results: dict[str, Any], console: Console) -> None:
+    """How many, and how many in each segment."""
+    marks, segments = results["landmarks"]["mesh"], results["segments"]["mesh"]
+    detector = results["provenance"]["settings"]["landmarks"]["detector"]
+    console.print(
+        f"landmarks: [bold]{len(marks)}[/bold] by {detector}, in {segments['count']} segments", highlight=False
+    )
+    table = Table("segment", "vertices", "landmarks", box=None, pad_edge=False)
+    marked = Counter(mark["segment"] for mark in marks)
+    for centre in segments["centres"]:
+        table.add_row(str(centre["segment"]), str(centre["size"]), str(marked[centre["segment"]]))
+    console.print(table)
+
+
+def _study(results: dict[str, Any], console: Console) -> None:
+    """A row a detector (and ICP protocol or condition), and what it comes to in words."""
+    protocol = results["protocol"]
+    console.print(f"study: [bold]{protocol['kind']}[/bold], {protocol['trials']} trials", highlight=False)
+    if results["informativeness"] is not None:
+        table = Table("detector", "ICP", "points", "K > 1", "ties", "median K", box=None, pad_edge=False)
+        for row in results["informativeness"]:
+            shares = (f"{row['share_above']:.1%}", f"{row['share_tie']:.1%}")
+            table.add_row(row["detector"], row["icp"], str(row["points"]), *shares, _number(row["k"]["p50"]))
+        console.print(table)
+    if results["repeatability"] is not None:
+        table = Table("detector", "condition", "found again", "by chance", "points", "pose", box=None, pad_edge=False)
+        for row in results["repeatability"]:
+            shares = (f"{row['mean']:.1%}", f"{row['chance']:.1%}")
+            table.add_row(
+                row["detector"], row["condition"], *shares, f"{row['points']:.1f}", f"{row['pose_right']:.0%}"
+            )
+        console.print(table)
+    console.print(results["summary"], highlight=False, markup=False)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"

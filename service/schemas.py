@@ -4,9 +4,9 @@ from datetime import datetime
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_serializer
 
-from pipeline import Stage, Unit
+from pipeline import LandmarksResult, RegistrationResult, Stage, StudyResult, StudySettings, Unit
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
 JobType = Literal["registration", "landmarks", "study"]
@@ -56,17 +56,18 @@ class Problem(BaseModel):
     status: int = Field(description="HTTP status")
     detail: str = Field(description="this case: which input, what is wrong, what to do")
     code: str = Field(description="stable word for machines")
-    mesh: str | None = Field(None, description="the input it is about: `design` or `scan`")
+    mesh: str | None = Field(None, description="the input it is about: `design`, `scan` or `mesh`")
     stage: str | None = Field(None, description="the stage of the method that could not go on")
     errors: list[ProblemItem] | None = Field(None, description="each wrong value of the request")
     instance: str | None = Field(None, description="id of this occurrence, to quote to whoever runs the service")
 
 
 class Units(Request):
-    """What the numbers in each file mean."""
+    """What the numbers in each file mean; of a mesh that the job does not have, only `auto` is taken."""
 
     design: Unit = Field("auto", description="`auto`: what the file declares (3MF; GLB is metres), else mm")
     scan: Unit = Field("auto", description="as for `design`")
+    mesh: Unit = Field("auto", description="as for `design`; of a `landmarks` or `study` job")
 
 
 class Options(Request):
@@ -75,9 +76,19 @@ class Options(Request):
     preset: Literal["default", "paper"] = Field("default", description="where `settings` start from")
     settings: dict[str, JsonValue] = Field({}, description="any part of the pipeline's Settings, over the preset")
     units: Units = Field(Units(), description="unit of each file")
-    tolerance_mm: float | None = Field(None, gt=0, description="for `deviation.within/above/below` of the results")
+    tolerance_mm: float | None = Field(
+        None, gt=0, description="`registration` only: for `deviation.within/above/below` of the results"
+    )
+    study: StudySettings | None = Field(
+        None, description="`study` only: what to do; each key that is sent goes over `settings.study`"
+    )
     seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
     label: str | None = Field(None, max_length=200, description="yours, for finding the job again")
+
+    @field_serializer("study")
+    def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:
+        """Only the keys that were sent: the others are the preset's and the settings'."""
+        return None if study is None else study.model_dump(mode="json", exclude_unset=True)
 
 
 class BlobRef(Request):
@@ -87,13 +98,33 @@ class BlobRef(Request):
     filename: str | None = Field(None, max_length=255, description="a hint at the format, nothing else")
 
 
-class JobRequest(Request):
-    """A job on blobs; a multipart request carries the same as its parts."""
+class RegistrationRequest(Request):
+    """Put a scan on its design, and measure."""
 
-    type: JobType = Field("registration", description="this version runs `registration`")
+    type: Literal["registration"] = "registration"
     design: BlobRef = Field(description="the design mesh")
-    scan: BlobRef = Field(description="the scan mesh")
+    scan: BlobRef = Field(description="the scan mesh, or points")
     options: Options = Field(Options(), description="how to run the job")
+
+
+class LandmarksRequest(Request):
+    """Segments and landmarks of one mesh."""
+
+    type: Literal["landmarks"]
+    mesh: BlobRef = Field(description="the mesh")
+    options: Options = Field(Options(), description="how to run the job")
+
+
+class StudyRequest(Request):
+    """How much landmarks tell about one mesh, or whether they are found again on another mesh of its shape."""
+
+    type: Literal["study"]
+    mesh: BlobRef = Field(description="the mesh")
+    options: Options = Field(Options(), description="how to run the job; `study` says what to do")
+
+
+#: A job on blobs; a multipart request carries the same as its parts.
+JobRequest = RegistrationRequest | LandmarksRequest | StudyRequest
 
 
 class Blob(Response):
@@ -184,4 +215,5 @@ class Health(Response):
     status: Literal["ok"] = "ok"
 
 
-Results = dict[str, Any]  # results.json as the pipeline wrote it; `pipeline.RegistrationResult` describes it
+#: results.json as the pipeline wrote it, by the type of the job.
+Results = Annotated[RegistrationResult | LandmarksResult | StudyResult, Field(discriminator="type")]

@@ -62,7 +62,7 @@ class Worker:
     def _run_claimed(self, row: JobRow) -> None:
         folder = self._scratch / f"{row.id}-{row.attempt}"
         waited_s = (time.time() * 1000 - row.created_ms) / 1000
-        log.info("job starts", waited_s=round(waited_s, 2))
+        log.info("job starts", type=row.type, waited_s=round(waited_s, 2))
         try:
             outcome = self._compute(row, folder)
             self._conclude(row, folder, outcome)
@@ -103,6 +103,7 @@ class Worker:
         task: dict[str, Any] = {
             "folder": str(folder),
             "out": str(folder / "out"),
+            "type": row.type,
             "settings": resolve_settings(options).model_dump(mode="json"),
             "tolerance_mm": options.tolerance_mm,
             "seed": options.seed,

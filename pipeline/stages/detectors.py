@@ -1,16 +1,25 @@
 """Where a mesh is marked: T^2 and what it is compared with, behind one setting, `landmarks.detector`.
 
 A detector answers with candidates in order of strength; `stages/landmarks.py` takes from them what lies away from
-open borders and from stronger ones.
+open borders and from stronger ones. So each names every vertex it could stand by, the best first: what it would choose
+by its publication, then the rest by the same measure. Parameters are those of the publications or of the authors' code,
+named in the kernels; none was fitted to our meshes.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from pipeline.kernels import crease, curvature, gp_landmarks, heat_kernel, iss, maxima, topology
+from pipeline.kernels.average_geodesic import average_geodesic
+from pipeline.kernels.farthest import farthest_points
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray, IndexArray, Mesh
+from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.settings import Detector
-from pipeline.stages.features import Features
+from pipeline.stages.features import NAMES, Features
+
+SPARE = 3  # points chosen one after another, for each one asked for: borders and spacing take some
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,4 +46,112 @@ class Candidates:
 
 
 Detect = Callable[[Scene], Candidates]
-COMPETITORS: dict[Detector, Detect] = {}
+
+
+def gaussian_curvature(scene: Scene) -> Candidates:
+    """Local maxima of the Gaussian curvature of the features, the largest first. Not on an open border, where a vertex
+    has no curvature of its own and `integrated` features have its angle.
+    """
+    on_border = topology.border_vertices(scene.mesh.faces, len(scene.mesh.vertices))
+    return _by_maxima(scene, np.where(on_border, -np.inf, scene.features.values[:, NAMES.index("G")]))
+
+
+def agd(scene: Scene) -> Candidates:
+    """Local maxima of the average geodesic distance: the tips of the part."""
+    areas = scene.mesh.vertex_areas_mm2()
+    return _by_maxima(scene, average_geodesic(scene.mesh.vertices, areas, scene.surface))
+
+
+def hks(scene: Scene) -> Candidates:
+    """Local maxima in the 2-ring of the heat kernel signature, those of the longest diffusion time first."""
+    fields = heat_kernel.signatures(scene.mesh, scene.surface.components)
+    fields[~_with_area(scene.mesh)] = -np.inf
+    near = maxima.ring(scene.mesh.faces, len(fields), rings=2)
+    tops = np.stack([maxima.local_maxima(field, near) for field in fields.T], axis=1)
+    return _candidates(maxima.coarse_to_fine(fields, tops))
+
+
+def iss_keypoints(scene: Scene) -> Candidates:
+    """ISS keypoints by their saliency, then the other vertices by theirs."""
+    members = np.flatnonzero(_with_area(scene.mesh))
+    found = iss.keypoints(scene.mesh.vertices[members])
+    return _candidates(maxima.ranked(found.saliency, found.keypoint), members)
+
+
+def gp(scene: Scene) -> Candidates:
+    """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
+    members = np.flatnonzero(_with_area(scene.mesh))
+    points, areas = scene.mesh.vertices[members], scene.mesh.vertex_areas_mm2()
+    weights = gp_landmarks.curvature_weights(
+        areas[members], _gaussian_per_mm2(scene)[members], scene.features.mean_curvature_per_mm[members]
+    )
+    bandwidth = gp_landmarks.BANDWIDTH_EDGES * _mean_edge_mm(scene.mesh) * float(np.sqrt(areas.sum()))
+    phi = gp_landmarks.heat_factor(points, bandwidth)
+    found = gp_landmarks.most_uncertain(phi, weights, min(SPARE * scene.count, len(members)))
+    rest = np.setdiff1d(np.arange(len(members)), found.taken)
+    rest = rest[np.lexsort((rest, -found.left[rest]))]
+    variance = np.concatenate([found.variance, found.left[rest]])
+    ranking = maxima.Ranking(
+        np.concatenate([found.taken, rest]), variance / max(float(variance.max(initial=0)), 1e-300)
+    )
+    return _candidates(ranking, members)
+
+
+def farthest(scene: Scene) -> Candidates:
+    """Farthest-point sampling along the surface, then the other vertices by their distance to what it took."""
+    usable, areas = _with_area(scene.mesh), scene.mesh.vertex_areas_mm2()
+    found = farthest_points(scene.mesh.vertices, areas, scene.surface, SPARE * scene.count, usable)
+    rest = np.setdiff1d(np.flatnonzero(usable), found.taken)
+    rest = rest[np.lexsort((rest, -found.distance_mm[rest]))]
+    return _candidates(maxima.by_turn(np.concatenate([found.taken, rest])))
+
+
+def random(scene: Scene) -> Candidates:
+    """All vertices in a random order, drawn one after another by area (Efraimidis & Spirakis 2006)."""
+    members = np.flatnonzero(_with_area(scene.mesh))
+    waiting = np.random.default_rng(scene.seed).exponential(size=len(members))
+    waiting /= scene.mesh.vertex_areas_mm2()[members]
+    return _candidates(maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
+
+
+COMPETITORS: dict[Detector, Detect] = {
+    "gaussian_curvature": gaussian_curvature,
+    "agd": agd,
+    "hks": hks,
+    "iss": iss_keypoints,
+    "gp": gp,
+    "farthest": farthest,
+    "random": random,
+}
+
+
+def _by_maxima(scene: Scene, field: FloatArray) -> Candidates:
+    field = np.where(_with_area(scene.mesh), field, -np.inf)
+    near = maxima.ring(scene.mesh.faces, len(field))
+    return _candidates(maxima.ranked(field, maxima.local_maxima(field, near)))
+
+
+def _candidates(found: maxima.Ranking, members: IndexArray | None = None) -> Candidates:
+    """members : what `found.vertex` counts; default all vertices."""
+    return Candidates(found.vertex if members is None else members[found.vertex], found.strength)
+
+
+def _with_area(mesh: Mesh) -> BoolArray:
+    """(n,) whether there is any surface at the vertex."""
+    return np.asarray(mesh.vertex_areas_mm2() > 0, dtype=np.bool_)
+
+
+def _mean_edge_mm(mesh: Mesh) -> float:
+    ends = topology.edges(mesh.faces).ends
+    along = mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]]
+    return float(np.linalg.norm(along, axis=1).mean()) if len(ends) else 0.0
+
+
+def _gaussian_per_mm2(scene: Scene) -> FloatArray:
+    """(n,) pointwise, averaged like `features.mean_curvature_per_mm`, whatever kind the features are."""
+    mesh, areas = scene.mesh, scene.mesh.vertex_areas_mm2()
+    inner = (areas > 0) & ~topology.border_vertices(mesh.faces, len(areas))
+    defect = curvature.angle_defect(mesh, border_correction=True)
+    pointwise = np.divide(defect, areas, out=np.zeros_like(areas), where=inner)
+    # exp(-2 (d / radius)^2) of the features is exp(-(d / r)^2) of the diffusion at r = radius / sqrt 2
+    return crease.diffused(mesh, pointwise[:, None], scene.features.radius_mm / np.sqrt(2))[:, 0]

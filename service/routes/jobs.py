@@ -3,7 +3,7 @@
 import asyncio
 import re
 import time
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -15,9 +15,10 @@ from service.api import Api, UseApi
 from service.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
 from service.etags import conditional_json
 from service.intake import accept_job
+from service.job_body import JOB_BODY
 from service.jobs import JobRow
 from service.problems import problems
-from service.schemas import FileList, Job, JobPage, JobRequest, JobType, Options, Results, Status
+from service.schemas import FileList, Job, JobPage, JobType, Results, Status
 from service.views import files_of, job_of
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -25,38 +26,15 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 RETRY_AFTER_S = 1
 MAX_WAIT_S = 60
 WAIT_LOOK_S = 0.1
-JOB_BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["design", "scan"],
-                    "additionalProperties": False,
-                    "properties": {
-                        "design": {"type": "string", "format": "binary", "description": "the design mesh"},
-                        "scan": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "the scan mesh or points",
-                        },
-                        "type": {"type": "string", "enum": ["registration"], "default": "registration"},
-                        "options": {"$ref": "#/components/schemas/Options"},
-                    },
-                },
-                "encoding": {"options": {"contentType": "application/json"}},
-            },
-            "application/json": {"schema": {"$ref": "#/components/schemas/JobRequest"}},
-        },
-    }
-}
-EXTRA_SCHEMAS = (JobRequest, Options)  # named by JOB_BODY only, so FastAPI does not find them itself
 
 
 @router.post("", status_code=202, responses=problems(400, 413, 415, 422, 503), openapi_extra=JOB_BODY)
 async def submit(request: Request, response: Response, api: UseApi) -> Job:
-    """Start a job, with the meshes as files of a form or as blobs that were sent before."""
+    """Start a job, with its meshes as files of a form or as blobs that were sent before.
+
+    `type` says what to do: `registration` (the default) puts `scan` on `design`; `landmarks` finds segments and
+    landmarks of one `mesh`; `study` measures how much landmarks tell about one `mesh`.
+    """
     row = await accept_job(request, api)
     response.headers["Location"] = f"/v1/jobs/{row.id}"
     response.headers["Retry-After"] = str(RETRY_AFTER_S)

@@ -7,7 +7,7 @@ from pipeline import Format
 from service import version
 from service.api import UseApi
 from service.errors import NotReady
-from service.options import JOB_TYPES
+from service.job_types import JOB_TYPES
 from service.problems import problems
 from service.schemas import Health, Limits, Version
 

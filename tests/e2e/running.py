@@ -43,6 +43,14 @@ def wait_until(condition: Callable[[], Any], seconds: float, what: str) -> Any:
     return found
 
 
+def is_alive(process: psutil.Process) -> bool:
+    """False when it has ended, waited for or not."""
+    try:
+        return process.is_running() and bool(process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
+
+
 class RunningService:
     """`cusp up`, started; `log` is what it wrote."""
 

@@ -46,6 +46,32 @@ def test_register_needs_no_server_and_writes_what_the_service_writes(
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
 
 
+def test_landmarks_needs_no_server_and_writes_what_the_service_writes(
+    running: RunningService, design: Path, quick: Path, tmp_path: Path
+) -> None:
+    here = cusp("landmarks", design, "--out", tmp_path / "here", "--settings", quick)
+    assert here.returncode == 0, here.stderr
+    there = cusp(
+        *("submit", design, "--type", "landmarks", "--server", running.client.server),
+        *("--out", tmp_path / "there", "--settings", quick),
+    )
+    assert there.returncode == 0, there.stderr
+    assert here.stdout.replace("/here", "/there") == there.stdout
+    names = {path.name for path in (tmp_path / "here").iterdir()}
+    assert names == {path.name for path in (tmp_path / "there").iterdir()}
+    for name in names - {"results.json"}:  # which has timings
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
+
+
+def test_submit_counts_its_meshes(design: Path) -> None:
+    done = cusp("submit", design)
+    assert (done.returncode, "a registration job takes 2 file(s) (design and scan), not 1" in done.stderr) == (1, True)
+    done = cusp("submit", design, design, "--type", "study")
+    assert (done.returncode, "a study job takes 1 file(s) (mesh), not 2" in done.stderr) == (1, True)
+    done = cusp("submit", design, "--type", "guess")
+    assert (done.returncode, "type 'guess'" in done.stderr) == (1, True)
+
+
 def test_bad_input_is_one_clear_sentence_and_exit_code_1(design: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty.stl"
     empty.touch()

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import pipeline
+from pipeline import Stage
 from service.client import ServiceProblem
 from service.schemas import Status
 from tests.e2e.conftest import SHIFT_MM, TURN_DEG
-from tests.e2e.running import LONG, QUICK, RunningService, wait_until
+from tests.e2e.running import LONG, QUICK, RunningService, is_alive, wait_until
 from tests.service.meshes import stl
 
 pytestmark = pytest.mark.e2e
@@ -36,11 +37,64 @@ def test_a_scan_is_registered_to_its_design(running: RunningService, design: Pat
     assert np.allclose(off[:3, :3], np.eye(3), atol=0.02)
     assert np.abs(off[:3, 3]).max() < 0.4  # 1 % of the diagonal; two coarse triangulations of one shape
 
-    files = running.client.files(job.id)
-    assert {file.name for file in files} == {"results.json", *results.files}
+    assert downloaded(running, job.id, tmp_path) == {"results.json", *results.files}
+
+
+FILES = {
+    "landmarks": {
+        *("results.json", "landmarks.csv", "mesh.clean.ply", "mesh.vertices.csv", "mesh.segments.ply"),
+        "mesh.decision_graph.svg",
+    },
+    "study": {"results.json", "trials.csv", "study.svg"},
+}
+STUDY = {**QUICK, "study": {"trials": 20, "detectors": ["t2", "iss", "random"]}}
+
+
+def downloaded(running: RunningService, job_id: str, folder: Path) -> set[str]:
+    """The names of the job's files, each fetched and held against its digest."""
+    files = running.client.files(job_id)
     for file in files:
-        content = running.client.download(job.id, file.name, tmp_path / file.name).read_bytes()
+        content = running.client.download(job_id, file.name, folder / file.name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == file.sha256
+    return {file.name for file in files}
+
+
+def test_landmarks_of_one_mesh(running: RunningService, design: Path, tmp_path: Path) -> None:
+    job = running.client.submit(design, options={**QUICK, "units": {"mesh": "cm"}}, job_type="landmarks")
+    assert (job.type, job.status) == ("landmarks", Status.ACCEPTED)
+    running.successful(job.id)
+    results = pipeline.LandmarksResult.model_validate(running.client.results(job.id))
+    assert results.provenance.inputs.mesh.mm_per_unit == 10.0
+    assert results.segments.mesh.count > 0
+    assert len(results.landmarks.mesh) > 0
+    assert downloaded(running, job.id, tmp_path) == FILES["landmarks"]
+    rows = (tmp_path / "landmarks.csv").read_text().splitlines()
+    assert len(rows) == 1 + len(results.landmarks.mesh)
+
+
+def test_a_study_of_one_mesh(running: RunningService, design: Path, tmp_path: Path) -> None:
+    job = running.client.submit(design, options=STUDY, job_type="study")
+    seen: list[tuple[Stage | None, float]] = []
+    running.client.wait(job.id, lambda now: seen.append((now.stage, now.progress)), interval_s=0.02, timeout_s=90)
+    assert running.successful(job.id).type == "study"
+    assert [progress for _, progress in seen] == sorted(progress for _, progress in seen)
+    results = pipeline.StudyResult.model_validate(running.client.results(job.id))
+    assert (results.protocol.kind, results.protocol.trials) == ("informativeness", 20)
+    assert results.informativeness is not None
+    assert {row.detector for row in results.informativeness} == {"t2", "iss", "random"}
+    assert downloaded(running, job.id, tmp_path) == FILES["study"]
+
+
+def test_a_running_study_is_cancelled_within_three_seconds(running: RunningService, design: Path) -> None:
+    job = running.client.submit(design, options={**QUICK, "study": {"trials": 1_000_000}}, job_type="study")
+    process = running.running(job.id)
+    wait_until(lambda: running.client.job(job.id).stage is Stage.STUDY, 60, "the study to begin")
+    family = [process, *process.children(recursive=True)]
+    begun = time.monotonic()
+    running.client.dismiss(job.id)
+    wait_until(lambda: not any(map(is_alive, family)), 3, "its processes to be gone")
+    assert time.monotonic() - begun < 3
+    assert running.client.job(job.id).status is Status.DISMISSED
 
 
 def test_a_mesh_that_only_the_parser_can_refuse_fails_its_job(
@@ -75,7 +129,7 @@ def test_a_running_job_is_cancelled_within_three_seconds(running: RunningService
     process = running.running(job.id)
     begun = time.monotonic()
     running.client.dismiss(job.id)
-    wait_until(lambda: not process.is_running() or process.status() == "zombie", 3, "the process to be gone")
+    wait_until(lambda: not is_alive(process), 3, "the process to be gone")
     assert time.monotonic() - begun < 3
     assert running.client.job(job.id).status is Status.DISMISSED
 
@@ -94,7 +148,7 @@ def test_a_dead_worker_is_replaced_and_its_job_runs_again(running: RunningServic
     job = running.client.submit(design, scan, {**QUICK, "settings": {"resample": {"target_vertices": 3000}}})
     process = running.running(job.id)
     running.part("worker").kill()
-    wait_until(lambda: not process.is_running() or process.status() == "zombie", 5, "its child to be gone")
+    wait_until(lambda: not is_alive(process), 5, "its child to be gone")
     assert running.successful(job.id).attempt == 2
 
 

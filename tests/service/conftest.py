@@ -88,6 +88,11 @@ class Service:
         given = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ), **files}
         return self.http.post("/v1/jobs", files=given, data={"options": options})
 
+    def submit_one(self, kind: str, options: str = "{}", **files: Any) -> httpx.Response:
+        """A job of a type with one mesh."""
+        given = files or {"mesh": ("m.obj", TRIANGLE_OBJ)}
+        return self.http.post("/v1/jobs", files=given, data={"type": kind, "options": options})
+
     def submitted(self, options: str = "{}") -> str:
         answer = self.submit(options)
         assert answer.status_code == 202, answer.text

@@ -51,13 +51,6 @@ def test_options_may_come_as_a_file(service: Service) -> None:
     assert service.submit(options=("o.json", b'{"label": "from a file"}')).json()["label"] == "from a file"
 
 
-@pytest.mark.parametrize("kind", ["landmarks", "study", "nonsense"])
-def test_other_types_are_refused_by_name(service: Service, kind: str) -> None:
-    answer = service.http.post("/v1/jobs", files={"mesh": TRIANGLE_OBJ}, data={"type": kind})
-    assert_problem(answer, 422, "unsupported_type", kind, "registration")
-    assert_problem(service.http.post("/v1/jobs", json={"type": kind}), 422, "unsupported_type", kind)
-
-
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -79,7 +72,6 @@ def test_other_types_are_refused_by_name(service: Service, kind: str) -> None:
         ('{"units": {"scan": "ell"}}', "invalid_options", "options.units.scan"),
         ('{"preset": "best"}', "invalid_options", "options.preset"),
         ('{"webhook": {"url": "http://x"}}', "unsupported_option", "options.webhook"),
-        ('{"study": {"trials": 3}}', "unsupported_option", "options.study"),
         ("[]", "invalid_options", "object"),
     ],
 )
@@ -268,7 +260,7 @@ def test_readiness_needs_a_living_worker(service: Service) -> None:
 
 def test_version_limits_and_documentation(service: Service) -> None:
     assert service.http.get("/version").json()["name"] == "cusp"
-    assert service.http.get("/v1/limits").json()["job_types"] == ["registration"]
+    assert service.http.get("/v1/limits").json()["job_types"] == ["registration", "landmarks", "study"]
     assert service.http.get("/openapi.json").json()["info"]["title"] == "Cusp"
     assert service.http.get("/docs").status_code == 200
     assert service.http.get("/", follow_redirects=False).headers["location"] == "/docs"

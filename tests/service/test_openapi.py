@@ -4,17 +4,27 @@ import json
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
 import pipeline
 from service.app import create_app
 from service.errors import TABLE, TYPE_PREFIX, ServiceError
 from service.examples import examples
+from service.job_types import JOB_TYPES
 from service.openapi import as_text
-from service.schemas import Blob, Job, JobRequest, Options, Problem
+from service.schemas import Blob, Job, JobRequest, Options, Problem, Results
 from service.settings import ServiceSettings
 
 FOLDER = Path(__file__).parents[2] / "openapi"
-MODELS = {"job_request": JobRequest, "options": Options, "blob": Blob, "job": Job, "problem": Problem}
+MODELS: dict[str, object] = {
+    "job_request": JobRequest,
+    "options": Options,
+    "blob": Blob,
+    "job": Job,
+    "problem": Problem,
+    "results": Results,
+}
+RESULTS = sorted(path.name for path in (FOLDER / "examples").glob("results.*.json"))
 
 
 def descendants(base: type[Exception]) -> list[type[Exception]]:
@@ -33,15 +43,26 @@ def test_examples_are_up_to_date() -> None:
         assert (FOLDER / "examples" / name).read_text() == as_text(content), "run `cusp openapi`"
 
 
-@pytest.mark.parametrize("name", sorted(examples()))
+@pytest.mark.parametrize("name", [*sorted(examples()), *RESULTS])
 def test_an_example_fits_its_schema(name: str) -> None:
-    content = json.loads((FOLDER / "examples" / name).read_text())
-    MODELS[name.split(".")[0]].model_validate(content)
+    TypeAdapter(MODELS[name.split(".")[0]]).validate_json((FOLDER / "examples" / name).read_text())
 
 
-@pytest.mark.parametrize("path", sorted((FOLDER / "examples").glob("results.*.json")), ids=lambda path: path.name)
-def test_example_results_fit_the_pipelines_record(path: Path) -> None:
-    pipeline.RegistrationResult.model_validate_json(path.read_text())
+@pytest.mark.parametrize("kind", JOB_TYPES)
+def test_every_type_has_an_example_of_its_request_and_of_its_results(kind: str) -> None:
+    request = json.loads((FOLDER / "examples" / f"job_request.{kind}.json").read_text())
+    assert request.get("type", "registration") == kind
+    assert json.loads((FOLDER / "examples" / f"results.{kind}.json").read_text())["type"] == kind
+
+
+def test_the_document_says_what_each_type_takes_and_answers() -> None:
+    document = create_app(ServiceSettings.model_construct()).openapi()
+    body = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
+    assert [form["title"] for form in body["multipart/form-data"]["schema"]["oneOf"]] == list(JOB_TYPES)
+    assert len(body["application/json"]["schema"]["oneOf"]) == len(JOB_TYPES)
+    assert set(body["application/json"]["examples"]) == set(JOB_TYPES)
+    answer = document["paths"]["/v1/jobs/{job_id}/results"]["get"]["responses"]["200"]["content"]
+    assert set(answer["application/json"]["schema"]["discriminator"]["mapping"]) == set(JOB_TYPES)
 
 
 @pytest.mark.parametrize("error", [*descendants(pipeline.PipelineError), *descendants(ServiceError)])
