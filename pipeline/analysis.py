@@ -14,7 +14,7 @@ from pipeline.progress import Stage
 from pipeline.settings import Settings
 from pipeline.stages import report
 from pipeline.stages.clean import Cleaned, clean
-from pipeline.stages.features import features, features_radius_mm
+from pipeline.stages.features import features, features_edge_mm, features_radius_mm
 from pipeline.stages.geodesics import Geodesics, geodesics
 from pipeline.stages.landmarks import LandmarkSet, landmarks
 from pipeline.stages.load import Loaded, load
@@ -27,10 +27,12 @@ from pipeline.watch import Watch
 class Scales:
     """The lengths at which both meshes of a job are looked at, taken from the design once.
 
-    edge_mm : of the working mesh; radius_mm : of the features; size_mm : sqrt(area)
+    edge_mm : of the working mesh; fine_edge_mm : of the mesh that features are computed on; radius_mm : of the features;
+    size_mm : sqrt(area)
     """
 
     edge_mm: float
+    fine_edge_mm: float
     radius_mm: float
     size_mm: float
 
@@ -39,6 +41,7 @@ class Scales:
         area = float(design.face_areas_mm2().sum())
         return cls(
             working_edge_mm(area, settings.resample.target_vertices),
+            features_edge_mm(area, settings.features),
             features_radius_mm(area, settings.features),
             float(np.sqrt(area)),
         )
@@ -76,10 +79,13 @@ def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_s
         return loaded, clean(loaded.mesh, name, settings.clean)
 
 
-def cut(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Cut:
-    """Section 1 of the method, steps 1 and 2."""
+def cut(
+    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int, *, fine: bool = False
+) -> Cut:
+    """Section 1 of the method, steps 1 and 2. fine : also make the mesh for features."""
     with watch.stage(Stage.RESAMPLE, name):
-        resampled = resample(mesh, name, scales.edge_mm, settings.resample)
+        fine_edge_mm = scales.fine_edge_mm if fine else None
+        resampled = resample(mesh, name, scales.edge_mm, settings.resample, fine_edge_mm=fine_edge_mm)
     working = resampled.mesh
     with watch.stage(Stage.GEODESICS, name):
         distances = geodesics(working, name, scales.size_mm, settings.geodesics, settings.segmentation)
@@ -89,12 +95,12 @@ def cut(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch,
 
 def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Analysis:
     """Section 1 of the method, steps 1 to 4."""
-    found = cut(mesh, name, scales, settings, watch, seed)
+    found = cut(mesh, name, scales, settings, watch, seed, fine=True)
     working, distances, segmentation = found.resampled.mesh, found.distances, found.segmentation
     with watch.stage(Stage.FEATURES, name):
-        measured = features(working, distances.surface, scales.radius_mm, settings.features)
+        measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
     with watch.stage(Stage.LANDMARKS, name):
-        marked = landmarks(working, segmentation, measured, settings.landmarks)
+        marked = landmarks(working, distances.surface, segmentation, measured, settings.landmarks, seed)
     _, vertices = nearest(mesh.vertices, marked.position_mm)
     return Analysis(mesh, found.resampled, segmentation, marked, vertices, distances.warnings)
 

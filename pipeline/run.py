@@ -53,7 +53,7 @@ def run_registration(
         matching = match(
             Side(design.resampled.mesh, design.landmarks),
             Side(scan.resampled.mesh, scan.landmarks),
-            scales.radius_mm,
+            settings.matching.length_share * scales.size_mm,
             settings.matching,
             seed,
         )

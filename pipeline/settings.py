@@ -112,9 +112,12 @@ class FeaturesSettings(Section):
         description="curvatures averaged over radius (default) or PyMesh's integrated ones (paper)",
     )
     radius_share: float = Field(
-        0.045, gt=0, lt=0.5, description="averaging radius as a share of sqrt(area of the design)"
+        0.1, gt=0, lt=0.5, description="averaging radius as a share of sqrt(area of the design)"
     )
     radius_mm: float | None = Field(None, gt=0, description="the same in mm; overrides the share")
+    target_vertices: int = Field(
+        8000, ge=200, le=400_000, description="vertices of the finer mesh of the design that features are computed on"
+    )
 
 
 class LandmarksSettings(Section):
@@ -127,19 +130,30 @@ class LandmarksSettings(Section):
         le=10_000,
         description="at most so many, the strongest first; null: all (competitors: as many as t2)",
     )
-    confidence: float = Field(0.97, gt=0, lt=1, description="alpha of the T^2 limit (eq. 3)")
+    confidence: float = Field(
+        0.5,
+        gt=0,
+        lt=1,
+        description="alpha of the T^2 limit (eq. 3); of maxima alone, 0.97 (paper) would leave a handful",
+    )
+    statistics: Literal["part", "segment"] = Field(
+        "part",
+        description="T^2 by the part's covariance and the segment's own size of spread, or by the segment's (paper)",
+    )
     standardize: bool = Field(
-        True, description="one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)"
+        True, description="segment: one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)"
     )
     include_halo: bool = Field(True, description="use halo vertices for the PCA and as landmarks (paper: false)")
-    min_segment_vertices: int = Field(30, ge=8, description="smaller segments get no landmarks")
+    min_segment_vertices: int = Field(
+        30, ge=8, description="smaller segments take the spread of the part, or with `segment` get no landmarks"
+    )
     border_distance_radii: float = Field(
-        1.0,
+        0.5,
         ge=0,
         description="no landmark closer to an open border than this many feature radii; 0 is off (paper)",
     )
     spacing_radii: float = Field(
-        1.0,
+        0.4,
         ge=0,
         description="of landmarks within this many feature radii the strongest stays; 0 is off (paper)",
     )
@@ -148,10 +162,24 @@ class LandmarksSettings(Section):
         ge=0,
         description="a segment whose spread of mean curvature times feature radius is below this gets no landmarks",
     )
+    localize_radii: float = Field(
+        0.3,
+        ge=0,
+        le=2,
+        description="landmarks are maxima of T^2, located by a quadric fitted over this many feature radii; "
+        "0: every vertex beyond the limit (paper)",
+    )
+    min_sharpness: float = Field(
+        0.2,
+        description="T must fall this fast in every direction (its second derivative times radius^2 over T): no ridges",
+    )
 
 
 class MatchingSettings(Section):
-    descriptor_radius_radii: float = Field(5.0, gt=0, description="FPFH support in feature radii")
+    length_share: float = Field(
+        0.045, gt=0, lt=0.5, description="unit of length of matching, as a share of sqrt(area of the design)"
+    )
+    descriptor_radius_lengths: float = Field(5.0, gt=0, description="FPFH support in units of length")
     candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
     max_pairs: int = Field(8_000, ge=100, description="best-agreeing correspondence pairs turned into poses, a source")
     max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
@@ -255,7 +283,14 @@ class Settings(Section):
             ),
             features=FeaturesSettings(kind="integrated"),
             landmarks=LandmarksSettings(
-                standardize=False, include_halo=False, border_distance_radii=0, spacing_radii=0, min_relief=0
+                confidence=0.97,
+                statistics="segment",
+                standardize=False,
+                include_halo=False,
+                border_distance_radii=0,
+                spacing_radii=0,
+                min_relief=0,
+                localize_radii=0,
             ),
             study=StudySettings(noise_mm=2.5),
         )

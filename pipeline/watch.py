@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from pipeline.progress import OnProgress, Progress, Stage
+from pipeline.progress import OnProgress, Progress, Stage, ignore
 
 # What each passage through a stage takes of a job's time, in percent, measured on arches. A registration passes
 # through the stages from load to landmarks twice: one story sums to 100.
@@ -72,3 +72,8 @@ class Watch:
     def timings_s(self) -> dict[str, float]:
         """Seconds by stage, both meshes together, in the order the stages ran."""
         return {stage.value: round(seconds, 4) for stage, seconds in self._seconds.items()}
+
+
+def silent() -> Watch:
+    """For stages inside a study, whose own progress is told by trials."""
+    return Watch(ignore, dict.fromkeys(Stage, 0.0))

@@ -1,8 +1,8 @@
 """Creases and bumps at a physical scale: a metric in which valleys are far to cross, a density that sits on bumps.
 
-The scale-space of the surface itself: positions diffused along the surface to a radius r (Desbrun, Meyer, Schroeder,
-Barr, "Implicit fairing of irregular meshes using diffusion and curvature flow", 1999), and the signed height of each
-vertex over the surface so smoothed, in mm: positive on bumps, negative in valleys and grooves up to about r wide.
+The scale-space of the surface itself: positions diffused along the surface to a radius r (`kernels/diffusion.py`), and
+the signed height of each vertex over the surface so smoothed, in mm: positive on bumps, negative in valleys and grooves
+up to about r wide.
 
 The metric is a *lifting*: the surface with phi as one more coordinate, l'^2 = l^2 + (beta (phi_i - phi_j))^2. Three
 points of a Euclidean space always span a valid triangle, so exact polyhedral geodesics hold on it. Crossing a valley
@@ -10,31 +10,11 @@ costs about 2 beta times its depth, walking along its floor nothing.
 """
 
 import numpy as np
-from scipy.sparse import diags
-from scipy.sparse.linalg import splu
 
-from pipeline.kernels import curvature
+from pipeline.kernels.diffusion import diffused
 from pipeline.mesh import FloatArray, IntArray, Mesh
 
-_STEPS = 2  # implicit Euler steps of one diffusion: one alone leaves too long a tail
-_MIN_AREA_SHARE = 1e-9  # of the mean vertex area: a vertex without a triangle keeps its own value
 _MAX_EXPONENT = 60.0  # heights beyond so many sharpness units weigh alike; exp stays far inside float64
-
-
-def diffused(mesh: Mesh, values: FloatArray, radius_mm: float) -> FloatArray:
-    """(n, k) `values` (n, k) after diffusion along the surface by about the kernel exp(-(d / radius)^2).
-
-    Heat flow for the time radius^2 / 4 in implicit steps (A - t L) u' = A u, natural conditions at borders:
-    constants stay, area-weighted sums stay.
-    """
-    areas = mesh.vertex_areas_mm2()
-    mass = np.maximum(areas, _MIN_AREA_SHARE * max(float(areas.mean()), 1e-300))
-    step = radius_mm**2 / 4.0 / _STEPS
-    solver = splu((diags(mass) - step * curvature.cotangent_laplacian(mesh)).tocsc())
-    current = np.asarray(values, dtype=np.float64)
-    for _ in range(_STEPS):
-        current = np.asarray(solver.solve(mass[:, None] * current), dtype=np.float64)
-    return current
 
 
 def height_mm(mesh: Mesh, radius_mm: float) -> FloatArray:

@@ -7,24 +7,26 @@ named in the kernels; none was fitted to our meshes.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.kernels import crease, curvature, gp_landmarks, heat_kernel, iss, maxima, topology
+from pipeline.kernels import gp_landmarks, heat_kernel, iss, maxima, peaks, topology
 from pipeline.kernels.average_geodesic import average_geodesic
 from pipeline.kernels.farthest import farthest_points
 from pipeline.kernels.geodesics import GeodesicSolver
+from pipeline.kernels.nearest import nearest
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.settings import Detector
-from pipeline.stages.features import NAMES, Features
+from pipeline.stages.features import Features
 
+REACH_RADII = 0.3  # over which a maximum is located
 SPARE = 3  # points chosen one after another, for each one asked for: borders and spacing take some
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What a detector may look at: the working mesh, distances along its surface, the features of its vertices.
+    """What a detector may look at: the working mesh, distances along its surface, the features (on their finer mesh).
 
     count : points that will be asked of it; spacing_mm : least distance they will have; seed : of random draws
     """
@@ -39,27 +41,33 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """vertex : (k,) of the working mesh, best first; strength : (k,) what they are ordered by, falling"""
+    """vertex : (k,) of `mesh`, best first; strength : (k,) what they are ordered by, falling;
+    position_mm : (k, 3), the vertex or, for maxima of a field, between the vertices
+    """
 
+    mesh: Mesh
     vertex: IndexArray
     strength: FloatArray
+    position_mm: FloatArray
 
 
 Detect = Callable[[Scene], Candidates]
 
 
 def gaussian_curvature(scene: Scene) -> Candidates:
-    """Local maxima of the Gaussian curvature of the features, the largest first. Not on an open border, where a vertex
-    has no curvature of its own and `integrated` features have its angle.
+    """Local maxima of the Gaussian curvature averaged over the feature radius, the largest first. Not on an open border,
+    where a vertex has no curvature of its own.
     """
-    on_border = topology.border_vertices(scene.mesh.faces, len(scene.mesh.vertices))
-    return _by_maxima(scene, np.where(on_border, -np.inf, scene.features.values[:, NAMES.index("G")]))
+    mesh = scene.features.mesh
+    on_border = topology.border_vertices(mesh.faces, len(mesh.vertices))
+    field = np.where(on_border, -np.inf, scene.features.gaussian_curvature_per_mm2)
+    return _by_maxima(scene, mesh, field)
 
 
 def agd(scene: Scene) -> Candidates:
     """Local maxima of the average geodesic distance: the tips of the part."""
     areas = scene.mesh.vertex_areas_mm2()
-    return _by_maxima(scene, average_geodesic(scene.mesh.vertices, areas, scene.surface))
+    return _by_maxima(scene, scene.mesh, average_geodesic(scene.mesh.vertices, areas, scene.surface))
 
 
 def hks(scene: Scene) -> Candidates:
@@ -68,23 +76,27 @@ def hks(scene: Scene) -> Candidates:
     fields[~_with_area(scene.mesh)] = -np.inf
     near = maxima.ring(scene.mesh.faces, len(fields), rings=2)
     tops = np.stack([maxima.local_maxima(field, near) for field in fields.T], axis=1)
-    return _candidates(maxima.coarse_to_fine(fields, tops))
+    found = _candidates(scene.mesh, maxima.coarse_to_fine(fields, tops))
+    positions = scene.mesh.vertices.copy()
+    for field, top in zip(
+        fields.T[::-1], tops.T[::-1], strict=True
+    ):  # the coarsest scale of a vertex has the last word
+        positions[top] = _between_vertices(scene, scene.mesh, field, np.flatnonzero(top))
+    return replace(found, position_mm=positions[found.vertex])
 
 
 def iss_keypoints(scene: Scene) -> Candidates:
     """ISS keypoints by their saliency, then the other vertices by theirs."""
     members = np.flatnonzero(_with_area(scene.mesh))
     found = iss.keypoints(scene.mesh.vertices[members])
-    return _candidates(maxima.ranked(found.saliency, found.keypoint), members)
+    return _candidates(scene.mesh, maxima.ranked(found.saliency, found.keypoint), members)
 
 
 def gp(scene: Scene) -> Candidates:
     """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
     members = np.flatnonzero(_with_area(scene.mesh))
     points, areas = scene.mesh.vertices[members], scene.mesh.vertex_areas_mm2()
-    weights = gp_landmarks.curvature_weights(
-        areas[members], _gaussian_per_mm2(scene)[members], scene.features.mean_curvature_per_mm[members]
-    )
+    weights = gp_landmarks.curvature_weights(areas[members], *(curvature[members] for curvature in _curvatures(scene)))
     bandwidth = gp_landmarks.BANDWIDTH_EDGES * _mean_edge_mm(scene.mesh) * float(np.sqrt(areas.sum()))
     phi = gp_landmarks.heat_factor(points, bandwidth)
     found = gp_landmarks.most_uncertain(phi, weights, min(SPARE * scene.count, len(members)))
@@ -94,7 +106,7 @@ def gp(scene: Scene) -> Candidates:
     ranking = maxima.Ranking(
         np.concatenate([found.taken, rest]), variance / max(float(variance.max(initial=0)), 1e-300)
     )
-    return _candidates(ranking, members)
+    return _candidates(scene.mesh, ranking, members)
 
 
 def farthest(scene: Scene) -> Candidates:
@@ -103,7 +115,7 @@ def farthest(scene: Scene) -> Candidates:
     found = farthest_points(scene.mesh.vertices, areas, scene.surface, SPARE * scene.count, usable)
     rest = np.setdiff1d(np.flatnonzero(usable), found.taken)
     rest = rest[np.lexsort((rest, -found.distance_mm[rest]))]
-    return _candidates(maxima.by_turn(np.concatenate([found.taken, rest])))
+    return _candidates(scene.mesh, maxima.by_turn(np.concatenate([found.taken, rest])))
 
 
 def random(scene: Scene) -> Candidates:
@@ -111,7 +123,7 @@ def random(scene: Scene) -> Candidates:
     members = np.flatnonzero(_with_area(scene.mesh))
     waiting = np.random.default_rng(scene.seed).exponential(size=len(members))
     waiting /= scene.mesh.vertex_areas_mm2()[members]
-    return _candidates(maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
+    return _candidates(scene.mesh, maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
 
 
 COMPETITORS: dict[Detector, Detect] = {
@@ -125,15 +137,26 @@ COMPETITORS: dict[Detector, Detect] = {
 }
 
 
-def _by_maxima(scene: Scene, field: FloatArray) -> Candidates:
-    field = np.where(_with_area(scene.mesh), field, -np.inf)
-    near = maxima.ring(scene.mesh.faces, len(field))
-    return _candidates(maxima.ranked(field, maxima.local_maxima(field, near)))
+def _by_maxima(scene: Scene, mesh: Mesh, field: FloatArray) -> Candidates:
+    field = np.where(_with_area(mesh), field, -np.inf)
+    tops = maxima.local_maxima(field, maxima.ring(mesh.faces, len(field)))
+    found = _candidates(mesh, maxima.ranked(field, tops))
+    positions = mesh.vertices.copy()
+    positions[tops] = _between_vertices(scene, mesh, field, np.flatnonzero(tops))
+    return replace(found, position_mm=positions[found.vertex])
 
 
-def _candidates(found: maxima.Ranking, members: IndexArray | None = None) -> Candidates:
+def _between_vertices(scene: Scene, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
+    """(k, 3) maxima of the field as exactly as T^2 locates its own, over at least two edges."""
+    finite = np.where(np.isfinite(field), field, np.min(field[np.isfinite(field)], initial=0.0))
+    reach_mm = max(REACH_RADII * scene.features.radius_mm, 2.0 * _mean_edge_mm(mesh))
+    return peaks.located(mesh, finite, tops, reach_mm).position_mm
+
+
+def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> Candidates:
     """members : what `found.vertex` counts; default all vertices."""
-    return Candidates(found.vertex if members is None else members[found.vertex], found.strength)
+    vertex = found.vertex if members is None else members[found.vertex]
+    return Candidates(mesh, vertex, found.strength, mesh.vertices[vertex])
 
 
 def _with_area(mesh: Mesh) -> BoolArray:
@@ -147,11 +170,7 @@ def _mean_edge_mm(mesh: Mesh) -> float:
     return float(np.linalg.norm(along, axis=1).mean()) if len(ends) else 0.0
 
 
-def _gaussian_per_mm2(scene: Scene) -> FloatArray:
-    """(n,) pointwise, averaged like `features.mean_curvature_per_mm`, whatever kind the features are."""
-    mesh, areas = scene.mesh, scene.mesh.vertex_areas_mm2()
-    inner = (areas > 0) & ~topology.border_vertices(mesh.faces, len(areas))
-    defect = curvature.angle_defect(mesh, border_correction=True)
-    pointwise = np.divide(defect, areas, out=np.zeros_like(areas), where=inner)
-    # exp(-2 (d / radius)^2) of the features is exp(-(d / r)^2) of the diffusion at r = radius / sqrt 2
-    return crease.diffused(mesh, pointwise[:, None], scene.features.radius_mm / np.sqrt(2))[:, 0]
+def _curvatures(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """(n,) Gaussian and mean curvature at the vertices of the working mesh."""
+    _, at = nearest(scene.features.mesh.vertices, scene.mesh.vertices)
+    return scene.features.gaussian_curvature_per_mm2[at], scene.features.mean_curvature_per_mm[at]

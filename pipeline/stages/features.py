@@ -3,29 +3,33 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.kernels import curvature, topology
+from pipeline.kernels.diffusion import diffused
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.settings import FeaturesSettings
+from pipeline.stages.resample import working_edge_mm
 
 NAMES = ("a", "m", "G", "l1", "l2", "l3")
+STEPS = 6  # of the diffusion: with 2 its peaked kernel keeps the noise of single triangles
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """On the working mesh.
+    """On `mesh`, which is finer than the working mesh (the same without resampling).
 
     values : (n, 6) columns as `NAMES`; radius_mm : physical scale of the features;
     border_distance_mm : (n,) along the surface to the nearest open border, inf without one;
-    mean_curvature_per_mm : (n,) pointwise, averaged over the radius, + convex
+    mean_curvature_per_mm, gaussian_curvature_per_mm2 : (n,) pointwise, averaged over the radius, m + where convex
     """
 
+    mesh: Mesh
     values: FloatArray
     radius_mm: float
     border_distance_mm: FloatArray
     mean_curvature_per_mm: FloatArray
+    gaussian_curvature_per_mm2: FloatArray
 
 
 def features_radius_mm(design_area_mm2: float, settings: FeaturesSettings) -> float:
@@ -33,43 +37,41 @@ def features_radius_mm(design_area_mm2: float, settings: FeaturesSettings) -> fl
     return settings.radius_mm or settings.radius_share * float(np.sqrt(design_area_mm2))
 
 
-def features(mesh: Mesh, solver: GeodesicSolver, radius_mm: float, settings: FeaturesSettings) -> Features:
-    """`integrated` (paper): PyMesh's values in file units, area = lumped area, Laplacian = half cotangent sums,
-    m = half its length, G = angle defect without border correction.
+def features_edge_mm(design_area_mm2: float, settings: FeaturesSettings) -> float:
+    """Edge length of the mesh that features are computed on."""
+    return working_edge_mm(design_area_mm2, settings.target_vertices)
 
-    `physical` (default): pointwise values averaged over a geodesic disc of `radius_mm`, so that the triangulation
-    drops out; a = surface area inside a ball of that radius over pi radius^2 (1 on a plane). Border vertices have
-    no curvature of their own and do not enter the averages.
+
+def features(mesh: Mesh, radius_mm: float, settings: FeaturesSettings) -> Features:
+    """`integrated` (paper): PyMesh's values in file units, a = lumped area, l = half cotangent sums, m = half its
+    length, G = angle defect without border correction.
+
+    `physical` (default): pointwise values averaged along the surface with the weights exp(-2 (d / radius)^2), so that
+    the triangulation drops out; a = area over projected area within that reach (1 on a plane), from the averaged
+    normal. Border vertices have no curvature of their own and do not enter the averages.
     """
+    n = len(mesh.vertices)
     areas = mesh.vertex_areas_mm2()
-    laplacian = curvature.integrated_laplacian(mesh)
-    convexity = -0.5 * np.einsum("nd,nd->n", laplacian, mesh.vertex_normals())
+    laplacian, normals = curvature.integrated_laplacian(mesh), mesh.vertex_normals()
     gaussian = curvature.angle_defect(mesh, border_correction=True)
+    on_border = topology.border_vertices(mesh.faces, n)
+    inner = (~on_border & (areas > 0)).astype(np.float64)
+    integrated = np.column_stack([-0.5 * np.einsum("nd,nd->n", laplacian, normals), gaussian, laplacian])
+    pointwise = np.divide(integrated, areas[:, None], out=np.zeros_like(integrated), where=inner[:, None] > 0)
 
-    inner = ~topology.border_vertices(mesh.faces, len(areas))
-    averaging = curvature.averaging(mesh, solver.within(radius_mm), radius_mm)
-    pointwise = np.column_stack([convexity, gaussian, laplacian]) * (inner / areas)[:, None]
-    share_inner = np.maximum(averaging @ inner.astype(np.float64), 1e-12)
-    averaged = np.asarray(averaging @ pointwise, dtype=np.float64) / share_inner[:, None]
-
+    # exp(-2 (d / radius)^2) is exp(-(d / r)^2) at r = radius / sqrt 2
+    smooth = diffused(mesh, np.column_stack([inner, pointwise, normals]), radius_mm / np.sqrt(2), STEPS)
+    averaged = smooth[:, 1:6] / np.maximum(smooth[:, :1], 1e-9)
     if settings.kind == "integrated":
         defect = curvature.angle_defect(mesh, border_correction=False)
         values = np.column_stack([areas, 0.5 * np.linalg.norm(laplacian, axis=1), defect, laplacian])
     else:
-        values = np.column_stack([_ball_area(mesh, areas, radius_mm), averaged])
-    return Features(values, radius_mm, _border_distance(mesh, solver), averaged[:, 0])
+        projected = np.linalg.norm(smooth[:, 6:9], axis=1)
+        values = np.column_stack([1.0 / np.maximum(projected, 1e-6), averaged])
+    return Features(mesh, values, radius_mm, _border_distance(mesh, np.flatnonzero(on_border)), *averaged[:, :2].T)
 
 
-def _ball_area(mesh: Mesh, areas: FloatArray, radius_mm: float) -> FloatArray:
-    """(n,) surface area inside the ball of `radius_mm` over that of a flat disc."""
-    tree = cKDTree(mesh.vertices)
-    near = tree.sparse_distance_matrix(tree, radius_mm, output_type="coo_matrix")
-    # A smooth edge (weight 1 inside, 0 at the radius) keeps single triangles from flipping the value.
-    weight = np.clip(2.0 * (1.0 - near.data / radius_mm), 0.0, 1.0)
-    inside = np.bincount(near.row, weights=weight * areas[near.col], minlength=len(areas))
-    # integral of the weight over a flat disc of radius r: pi r^2 (1/4 + 1/3) = 7/12 pi r^2
-    return inside / (7.0 / 12.0 * np.pi * radius_mm**2)
-
-
-def _border_distance(mesh: Mesh, solver: GeodesicSolver) -> FloatArray:
-    return solver.distances_from_set(np.flatnonzero(topology.border_vertices(mesh.faces, len(mesh.vertices))))
+def _border_distance(mesh: Mesh, border: np.ndarray) -> FloatArray:
+    if len(border) == 0:
+        return np.full(len(mesh.vertices), np.inf)
+    return GeodesicSolver(mesh.vertices, mesh.faces).distances_from_set(border)

@@ -1,4 +1,4 @@
-"""Landmarks: the vertices of each segment whose features stand out (PCA, Hotelling's T^2)."""
+"""Landmarks: the points of the surface whose features stand out (PCA, Hotelling's T^2), or a competitor's choice."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,25 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import f as f_distribution
 
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
+from pipeline.kernels import maxima, peaks
+from pipeline.kernels.geodesics import GeodesicSolver
+from pipeline.kernels.nearest import nearest
+from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.settings import LandmarksSettings
+from pipeline.stages.detectors import COMPETITORS, Scene
 from pipeline.stages.features import Features
+from pipeline.stages.resample import nearest_vertices
 from pipeline.stages.segmentation import Segmentation
 
 COMPONENTS = 2  # A in eq. 3
+ROBUST_ROUNDS = 2  # of centre and covariance: all of it, then without what lies far out
 
 
 @dataclass(frozen=True, slots=True)
 class LandmarkSet:
-    """Landmarks of one mesh, strongest first; `vertex` is of the working mesh.
+    """Landmarks of one mesh, strongest first.
 
-    vertex : (k,); position_mm, normal : (k, 3); segment : (k,); t2, strength : (k,), strength = T^2 / limit;
+    position_mm, normal : (k, 3); vertex : (k,) nearest of the working mesh; segment : (k,); t2, strength : (k,);
     t2_all : (n,) T^2 of every working vertex, 0 where none was computed; limit_share : share beyond the limit
     """
 
@@ -32,38 +38,101 @@ class LandmarkSet:
     limit_share: float
 
 
-def landmarks(mesh: Mesh, segmentation: Segmentation, features: Features, settings: LandmarksSettings) -> LandmarkSet:
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """T^2 on the mesh of the features.
+
+    t2 : (n,) with the spread of the segment, 0 where none was computed; limit : (n,) of the segment, inf where a segment
+    gives no landmarks; field : (n,) what landmarks are maxima of and ordered by, comparable between segments where
+    `statistics` is "part"
+    """
+
+    t2: FloatArray
+    limit: FloatArray
+    field: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Points on a surface in order of strength. vertex : (k,) of `mesh`; position_mm : (k, 3); strength : (k,)"""
+
+    mesh: Mesh
+    vertex: IndexArray
+    position_mm: FloatArray
+    strength: FloatArray
+
+
+def landmarks(
+    mesh: Mesh,
+    surface: GeodesicSolver,
+    segmentation: Segmentation,
+    features: Features,
+    settings: LandmarksSettings,
+    seed: int = 0,
+) -> LandmarkSet:
+    """What `settings.detector` marks on a mesh: none near an open border, none near a stronger one, at most `count`.
+
+    mesh, surface, segmentation : the working mesh; features : on their own, finer mesh
+    """
+    fine = features.mesh
+    of_fine = np.arange(len(mesh.vertices)) if fine is mesh else nearest_vertices(mesh, fine.vertices)
+    scores = t2_scores(features, segmentation.labels[of_fine], segmentation.halo[of_fine], settings)
+    spacing_mm = settings.spacing_radii * features.radius_mm
+    found = _apart(_t2_marks(features, scores, settings), features, spacing_mm, settings)
+    if settings.detector != "t2":
+        count = settings.count or len(found.vertex)
+        scene = Scene(mesh, surface, features, count, spacing_mm, seed)
+        found = _apart(_competitor(scene, settings), features, spacing_mm, settings.model_copy(update={"count": count}))
+
+    _, to_fine = nearest(fine.vertices, mesh.vertices)
+    _, vertex = nearest(mesh.vertices, found.position_mm)
+    _, at = nearest(fine.vertices, found.position_mm)
+    return LandmarkSet(
+        vertex=vertex,
+        position_mm=found.position_mm,
+        normal=mesh.vertex_normals()[vertex],
+        segment=segmentation.labels[vertex].astype(np.int64),
+        t2=scores.t2[at],
+        strength=found.strength,
+        t2_all=scores.t2[to_fine],
+        limit_share=float((scores.t2 > scores.limit).mean()),
+    )
+
+
+def t2_scores(
+    features: Features, labels: IntArray | IndexArray, halo: BoolArray, settings: LandmarksSettings
+) -> Scores:
     """Eq. 3 in every segment: T^2 = t1^2 / lambda1 + t2^2 / lambda2 against A (n^2 - 1) / (n (n - A)) F_alpha.
 
-    The default leaves out a zone along open borders (their curvature is false), gives none in a segment without
-    relief, and keeps the strongest within `spacing_radii`.
+    labels : (n,) segment of each vertex of the features' mesh; halo : (n,)
+
+    `statistics = "segment"` (paper): centre and covariance of each segment by themselves. "part": directions and ratio of
+    the spreads are those of the whole part, weighted by area and without the 2.5 % that lie farthest out; a segment
+    brings its own size of spread where that is smaller. Segments of two scans of one part never have quite the same borders, so what is
+    computed from few vertices differs; and one field over the whole part has no jumps at borders. Features are m, G and
+    |l|: free of rotation and, as each is divided by its spread, of unit (a says nothing more once it is physical).
+    A segment without relief is flat and gives no landmarks; one with few vertices takes the spread of the part.
     """
-    n = len(mesh.vertices)
-    t2 = np.zeros(n)
-    strength = np.zeros(n)
+    n = len(labels)
     usable = features.border_distance_mm >= settings.border_distance_radii * features.radius_mm
     if not settings.include_halo:
-        usable &= ~segmentation.halo
-    for number in range(len(segmentation.centres)):
-        members = np.flatnonzero((segmentation.labels == number) & usable)
-        if len(members) < settings.min_segment_vertices or _is_flat(features, members, settings):
+        usable &= ~halo
+    part = _part_t2(features, usable) if settings.statistics == "part" else np.zeros(n)
+    areas = features.mesh.vertex_areas_mm2()
+    t2, limit = np.zeros(n), np.full(n, np.inf)
+    for number in range(int(labels.max(initial=-1)) + 1):
+        members = np.flatnonzero((labels == number) & usable)
+        few = len(members) < settings.min_segment_vertices
+        if (few and settings.statistics == "segment") or len(members) == 0 or _is_flat(features, members, settings):
             continue
-        scores = hotelling_t2(scaled(features.values[members], settings.standardize))
-        t2[members] = scores
-        strength[members] = scores / t2_limit(len(members), settings.confidence)
-    beyond = np.flatnonzero(strength > 1)
-    order = beyond[np.lexsort((beyond, -strength[beyond]))]
-    kept = order[strongest_apart(mesh.vertices[order], settings.spacing_radii * features.radius_mm)]
-    return LandmarkSet(
-        kept,
-        mesh.vertices[kept],
-        mesh.vertex_normals()[kept],
-        segmentation.labels[kept].astype(np.int64),
-        t2[kept],
-        strength[kept],
-        t2,
-        len(beyond) / n,
-    )
+        if settings.statistics == "part":
+            size = 1.0 if few else float(np.average(part[members], weights=areas[members])) / COMPONENTS
+            t2[members] = part[members] / min(1.0, max(size, 1e-12))
+        else:
+            t2[members] = hotelling_t2(scaled(features.values[members], settings.standardize))
+        limit[members] = t2_limit(max(len(members), settings.min_segment_vertices), settings.confidence)
+    field = part if settings.statistics == "part" else np.divide(t2, limit, out=np.zeros(n), where=np.isfinite(limit))
+    return Scores(t2, limit, field)
 
 
 def scaled(values: FloatArray, standardize: bool) -> FloatArray:
@@ -81,9 +150,15 @@ def scaled(values: FloatArray, standardize: bool) -> FloatArray:
     return unit_free
 
 
-def hotelling_t2(centred: FloatArray) -> FloatArray:
-    """(k,) T^2 of the first two principal components (eq. 3); a component without variance counts nothing."""
-    covariance = np.einsum("ki,kj->ij", centred, centred) / max(1, len(centred) - 1)
+def hotelling_t2(centred: FloatArray, weights: FloatArray | None = None) -> FloatArray:
+    """(k,) T^2 of the first two principal components (eq. 3); a component without variance counts nothing.
+
+    weights : (k,) what each row counts for in the covariance; default all alike
+    """
+    if weights is None:
+        covariance = np.einsum("ki,kj->ij", centred, centred) / max(1, len(centred) - 1)
+    else:
+        covariance = np.einsum("k,ki,kj->ij", weights, centred, centred) / max(float(weights.sum()), 1e-300)
     variance, axes = np.linalg.eigh(covariance)
     variance, axes = variance[::-1][:COMPONENTS], axes[:, ::-1][:, :COMPONENTS]
     real = variance > 1e-14 * max(float(variance[0]), 1e-300)
@@ -102,13 +177,59 @@ def strongest_apart(points: FloatArray, radius_mm: float) -> IndexArray:
     if radius_mm == 0 or len(points) == 0:
         return np.arange(len(points))
     free: BoolArray = np.ones(len(points), dtype=np.bool_)
-    neighbours = cKDTree(points).query_ball_point(points, radius_mm)
+    tree = cKDTree(points)
     kept = []
     for i in range(len(points)):
         if free[i]:
             kept.append(i)
-            free[neighbours[i]] = False
+            free[tree.query_ball_point(points[i], radius_mm)] = False
     return np.array(kept, dtype=np.int64)
+
+
+def _part_t2(features: Features, usable: BoolArray) -> FloatArray:
+    """(n,) T^2 of [m, G, |l|] over the whole part; centre and covariance by area, once without the farthest 2.5 %."""
+    values = np.column_stack([features.values[:, 1:3], np.linalg.norm(features.values[:, 3:], axis=1)])
+    weights = features.mesh.vertex_areas_mm2() * usable
+    t2 = np.zeros(len(values))
+    for _ in range(ROBUST_ROUNDS):
+        if weights.sum() <= 0:
+            return t2
+        centred = values - np.average(values, axis=0, weights=weights)
+        spread = np.sqrt(np.average(centred**2, axis=0, weights=weights))
+        unit_free = np.divide(centred, spread, out=np.zeros_like(centred), where=spread > 0)
+        t2 = hotelling_t2(unit_free, weights)
+        weights = weights * (t2 <= t2_limit(max(len(values), 10), 0.975))
+    return t2
+
+
+def _t2_marks(features: Features, scores: Scores, settings: LandmarksSettings) -> Marks:
+    """Vertices beyond the limit, the strongest first; with `localize_radii` only maxima, and between the vertices."""
+    mesh = features.mesh
+    beyond = np.flatnonzero(scores.t2 > scores.limit)
+    if settings.localize_radii == 0:
+        order = beyond[np.lexsort((beyond, -scores.field[beyond]))]
+        return Marks(mesh, order, mesh.vertices[order], scores.field[order])
+    near = maxima.ring(mesh.faces, len(mesh.vertices))
+    tops = np.intersect1d(np.flatnonzero(maxima.local_maxima(scores.field, near)), beyond)
+    # the field's root: a distance in standard deviations, which a quadric fits better than its square
+    found = peaks.located(mesh, np.sqrt(scores.field), tops, settings.localize_radii * features.radius_mm)
+    sharp = found.sharpness * features.radius_mm**2 > settings.min_sharpness * found.value
+    order = np.flatnonzero(sharp)[np.argsort(-np.round(found.value[sharp], 9), kind="stable")]
+    limit = t2_limit(len(mesh.vertices), settings.confidence)
+    return Marks(mesh, tops[order], found.position_mm[order], found.value[order] ** 2 / limit)
+
+
+def _competitor(scene: Scene, settings: LandmarksSettings) -> Marks:
+    found = COMPETITORS[settings.detector](scene)
+    return Marks(found.mesh, found.vertex, found.position_mm, found.strength)
+
+
+def _apart(marks: Marks, features: Features, spacing_mm: float, settings: LandmarksSettings) -> Marks:
+    """Those away from open borders and from stronger ones, at most `settings.count`."""
+    _, at = nearest(features.mesh.vertices, marks.position_mm)
+    inside = np.flatnonzero(features.border_distance_mm[at] >= settings.border_distance_radii * features.radius_mm)
+    kept = inside[strongest_apart(marks.position_mm[inside], spacing_mm)][: settings.count]
+    return Marks(marks.mesh, marks.vertex[kept], marks.position_mm[kept], marks.strength[kept])
 
 
 def _is_flat(features: Features, members: IndexArray, settings: LandmarksSettings) -> bool:

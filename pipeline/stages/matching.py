@@ -29,10 +29,16 @@ FINALISTS = 12
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One mesh as matching sees it: working mesh, its landmarks."""
+    """One mesh as matching sees it: working mesh, its landmarks; descriptors : (n, 33) of `fpfh`, None: not computed yet"""
 
     mesh: Mesh
     landmarks: LandmarkSet
+    descriptors: FloatArray | None = None
+
+    def described(self, length_mm: float, settings: MatchingSettings) -> FloatArray:
+        """(n, 33) FPFH of the vertices of the working mesh."""
+        support_mm = settings.descriptor_radius_lengths * length_mm
+        return fpfh(self.mesh, support_mm) if self.descriptors is None else self.descriptors
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +65,11 @@ class Matching:
     scan: IndexArray
 
 
-def match(design: Side, scan: Side, radius_mm: float, settings: MatchingSettings, seed: int) -> Matching:
+def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings, seed: int) -> Matching:
     """Poses of two corresponding oriented points, each refined by a short ICP; the lowest truncated
     point-to-plane cost with agreeing normals wins.
+
+    length_mm : the length that descriptors, tolerances and shortest pairs are multiples of.
 
     An open scan does not tell its outside from its inside (depth-camera meshes come either way), so its poses are
     also tried with the normals turned over.
@@ -89,7 +97,7 @@ def match(design: Side, scan: Side, radius_mm: float, settings: MatchingSettings
         )
         return replace(pool, T=T), cost
 
-    pool = _candidates(design, scan, samples.points, probes.points, radius_mm, settings)
+    pool = _candidates(design, scan, samples.points, probes.points, length_mm, settings)
     grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
     cost = grid.costs(pool.T, pool.facing, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal)
     pool = best_distinct(pool, cost, settings.max_hypotheses)
@@ -103,7 +111,7 @@ def match(design: Side, scan: Side, radius_mm: float, settings: MatchingSettings
         Hypothesis(rigid.orthonormal(pool.T[k]), float(pool.facing[k]), float(pool.cost[k]), _SOURCES[pool.source[k]])
         for k in range(len(pool.T))
     )
-    return _with_matches(design, scan, hypotheses, radius_mm)
+    return _with_matches(design, scan, hypotheses, length_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +132,10 @@ def _candidates(
     scan: Side,
     design_points: FloatArray,
     scan_points: FloatArray,
-    radius_mm: float,
+    length_mm: float,
     settings: MatchingSettings,
 ) -> Pool:
-    support = settings.descriptor_radius_radii * radius_mm
-    design_fpfh, scan_fpfh = fpfh(design.mesh, support), fpfh(scan.mesh, support)
+    design_fpfh, scan_fpfh = design.described(length_mm, settings), scan.described(length_mm, settings)
     scan_normals, design_normals = scan.mesh.vertex_normals(), design.mesh.vertex_normals()
     pools: list[tuple[FloatArray, float, int]] = []
 
@@ -139,8 +146,8 @@ def _candidates(
         return poses.from_oriented_pairs(
             (scan.mesh.vertices[i], facing * scan_normals[i]),
             (design.mesh.vertices[j], design_normals[j]),
-            length_tolerance_mm=1.5 * radius_mm,
-            min_length_mm=4 * radius_mm,
+            length_tolerance_mm=1.5 * length_mm,
+            min_length_mm=4 * length_mm,
             max_pairs=settings.max_pairs,
         )
 
@@ -190,8 +197,8 @@ def _nearest_descriptors(
     return np.repeat(np.arange(len(scan_fpfh)), k), k_nearest(design_fpfh, scan_fpfh, k).ravel()
 
 
-def _with_matches(design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], radius_mm: float) -> Matching:
-    """Landmarks that are each other's nearest under the best pose, within a feature radius."""
+def _with_matches(design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], length_mm: float) -> Matching:
+    """Landmarks that are each other's nearest under the best pose, within `length_mm`."""
     nobody = np.zeros(0, dtype=np.int64)
     q, p = (
         design.landmarks.position_mm,
@@ -201,19 +208,19 @@ def _with_matches(design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], 
         return Matching(hypotheses, None, nobody, nobody)
     distance, to_design = nearest(q, p)
     _, to_scan = nearest(p, q)
-    mutual = (to_scan[to_design] == np.arange(len(p))) & (distance <= radius_mm)
+    mutual = (to_scan[to_design] == np.arange(len(p))) & (distance <= length_mm)
     i = np.flatnonzero(mutual)
     j = to_design[i]
-    T = rigid.fit(scan.landmarks.position_mm[i], q[j]) if _spans_a_plane(q[j], radius_mm) else None
+    T = rigid.fit(scan.landmarks.position_mm[i], q[j]) if _spans_a_plane(q[j], length_mm) else None
     return Matching(hypotheses, T, j, i)
 
 
-def _spans_a_plane(points: FloatArray, radius_mm: float) -> bool:
-    """Whether the points fix a rotation: three or more, and not within a feature radius of one line."""
+def _spans_a_plane(points: FloatArray, length_mm: float) -> bool:
+    """Whether the points fix a rotation: three or more, and not within `length_mm` of one line."""
     if len(points) < 3:
         return False
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
-    return bool(spread[1] > radius_mm)
+    return bool(spread[1] > length_mm)
 
 
 def _corners(mesh: Mesh) -> FloatArray:

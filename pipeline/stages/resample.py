@@ -23,11 +23,13 @@ DECIMATE_ABOVE = 8  # times the wanted faces: remeshing directly is slow from th
 
 @dataclass(frozen=True, slots=True)
 class Resampled:
-    """mesh : the working mesh, or None when a cloud could not be meshed; edge_mm : its edge length;
+    """mesh : the working mesh; fine : the same surface in smaller triangles, for features, or None when not asked for;
+    edge_mm : edge length of the working mesh;
     working_of_clean : (n_clean,) int64, nearest vertex of the working mesh (by the nearest surface point)
     """
 
     mesh: Mesh
+    fine: Mesh | None
     edge_mm: float
     working_of_clean: IndexArray
 
@@ -37,26 +39,45 @@ def working_edge_mm(area_mm2: float, n_vertices: int) -> float:
     return float(np.sqrt(2.0 * area_mm2 / (np.sqrt(3.0) * n_vertices)))
 
 
-def resample(mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings) -> Resampled:
+def resample(
+    mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings, *, fine_edge_mm: float | None = None
+) -> Resampled:
     """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many vertices.
+
+    fine_edge_mm : also remesh to this edge, lengthened by the same factor; without `settings.enabled` the fine mesh is
+    the mesh itself.
 
     Raises
     ------
     ResampleFailed
     """
     if not settings.enabled and not mesh.is_cloud:
-        return Resampled(mesh, edge_mm, np.arange(len(mesh.vertices)))
+        return Resampled(mesh, None if fine_edge_mm is None else mesh, edge_mm, np.arange(len(mesh.vertices)))
     surface = surface_of_cloud(mesh.vertices, name, edge_mm) if mesh.is_cloud else mesh
     area = float(surface.face_areas_mm2().sum())
-    edge_mm = max(edge_mm, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)))
-    wanted_faces = 2 * area / (np.sqrt(3.0) / 2 * edge_mm**2)
-    if len(surface.faces) > DECIMATE_ABOVE * wanted_faces:
-        surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted_faces))
-    working = remesh.isotropic(surface, edge_mm, settings.iterations)
-    if len(working.faces) == 0:
+    longer = max(1.0, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm)
+    fine = None
+    if fine_edge_mm is not None:
+        fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings)
+        if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
+            surface = fine  # near enough for the coarser one, and remeshed in half the time
+    working = _remeshed(surface, area, name, longer * edge_mm, settings)
+    return Resampled(working, fine, longer * edge_mm, nearest_vertices(working, mesh.vertices))
+
+
+def _remeshed(surface: Mesh, area_mm2: float, name: str, edge_mm: float, settings: ResampleSettings) -> Mesh:
+    wanted = _faces(area_mm2, edge_mm)
+    if len(surface.faces) > DECIMATE_ABOVE * wanted:
+        surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted))
+    remeshed = remesh.isotropic(surface, edge_mm, settings.iterations)
+    if len(remeshed.faces) == 0:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm left nothing", mesh=name)
-    working = clean(working, name, CleanSettings()).mesh
-    return Resampled(working, edge_mm, nearest_vertices(working, mesh.vertices))
+    return clean(remeshed, name, CleanSettings()).mesh
+
+
+def _faces(area_mm2: float, edge_mm: float) -> float:
+    """So many equilateral triangles cover the area."""
+    return float(2 * area_mm2 / (np.sqrt(3.0) / 2 * edge_mm**2))
 
 
 def nearest_vertices(mesh: Mesh, points: FloatArray) -> IndexArray:

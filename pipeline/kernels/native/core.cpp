@@ -1,16 +1,12 @@
 // Python's way to the exact geodesics: arrays in, arrays out, the GIL released while threads search.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/function.h>
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <memory>
-#include <optional>
 
+#include "bridge.hpp"
 #include "geodesic_mesh.hpp"
-#include "parallel.hpp"
 #include "window_search.hpp"
 
 namespace nb = nanobind;
@@ -19,37 +15,15 @@ using namespace nb::literals;
 namespace {
 
 using cusp::GeodesicMesh;
+using cusp::In1;
+using cusp::In2;
+using cusp::Out1;
+using cusp::Out2;
+using cusp::Progress;
+using cusp::to_numpy;
 using cusp::Watch;
+using cusp::watched;
 using cusp::WindowSearch;
-
-template <class T>
-using In1 = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-template <class T>
-using In2 = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-template <class T>
-using Out1 = nb::ndarray<nb::numpy, T, nb::ndim<1>>;
-template <class T>
-using Out2 = nb::ndarray<nb::numpy, T, nb::ndim<2>>;
-
-template <class T>
-Out1<T> to_numpy(std::vector<T>&& values) {
-    auto* kept = new std::vector<T>(std::move(values));
-    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return Out1<T>(kept->data(), {kept->size()}, owner);
-}
-
-// Hears the share done; answers False to stop.
-using Progress = std::optional<nb::typed<nb::callable, nb::object(double)>>;
-
-// What a Python callback is to the C++ loop: called with the GIL, from the thread that released it.
-Watch watched(const Progress& progress) {
-    if (!progress) return {};
-    return [callable = nb::callable(*progress)](double share) {
-        const nb::gil_scoped_acquire gil;
-        if (PyErr_CheckSignals() != 0) throw nb::python_error();
-        return !callable(share).equal(nb::bool_(false));
-    };
-}
 
 struct Pair {
     int32_t vertex;
@@ -293,8 +267,10 @@ class Solver {
 
 }  // namespace
 
+void bind_copy_icp(nb::module_& m);  // copy_icp.cpp
+
 NB_MODULE(core, m) {
-    m.doc() = "Exact geodesic distances on triangle meshes with intrinsic edge lengths; see kernels/geodesics.py.";
+    m.doc() = "The C++ behind kernels/geodesics.py and kernels/copy_icp.py.";
     nb::register_exception_translator([](const std::exception_ptr& p, void*) {
         try {
             std::rethrow_exception(p);
@@ -315,4 +291,5 @@ NB_MODULE(core, m) {
              "progress"_a = nb::none())
         .def("nearest", &Solver::nearest, "sources"_a, "most"_a, "threads"_a)
         .def("windows", &Solver::windows, "source"_a, "radius"_a);
+    bind_copy_icp(m);
 }

@@ -20,11 +20,11 @@ struct Cancelled : std::exception {
     const char* what() const noexcept override { return "cancelled"; }
 };
 
-// Call work(worker, item) for every item in [0, count), each worker on its own thread and with its own number.
+// Call work(worker, item) for every item in [0, count), each worker on its own thread and with its own number. A worker takes
+// `block` items at a time.
 template <class Work>
-void for_each(int64_t count, int threads, const Watch& watch, Work&& work) {
+void for_each(int64_t count, int threads, const Watch& watch, Work&& work, int64_t block = 16) {
     threads = static_cast<int>(std::max<int64_t>(1, std::min<int64_t>(threads, count)));
-    constexpr int64_t kBlock = 16;
     std::atomic<int64_t> next{0}, done{0};
     std::atomic<bool> stop{false};
     std::mutex mutex;
@@ -34,9 +34,9 @@ void for_each(int64_t count, int threads, const Watch& watch, Work&& work) {
     auto loop = [&](int worker) {
         try {
             while (!stop) {
-                const int64_t first = next.fetch_add(kBlock);
+                const int64_t first = next.fetch_add(block);
                 if (first >= count) break;
-                const int64_t last = std::min(count, first + kBlock);
+                const int64_t last = std::min(count, first + block);
                 for (int64_t item = first; item < last && !stop; ++item, ++done) work(worker, item);
             }
         } catch (...) {

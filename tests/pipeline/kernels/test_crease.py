@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.kernels import crease
+from pipeline.kernels.diffusion import diffused
 from pipeline.kernels.geodesics import GeodesicSolver, edge_lengths
 from pipeline.mesh import Mesh
 from tests import shapes
@@ -64,7 +65,7 @@ def test_diffusion_keeps_constants_and_area_weighted_sums() -> None:
     blob = shapes.bumpy_blob(3)
     areas = blob.vertex_areas_mm2()
     values = np.column_stack([np.full(len(areas), 7.0), blob.vertices[:, 0]])
-    after = crease.diffused(blob, values, 5.0)
+    after = diffused(blob, values, 5.0)
     np.testing.assert_allclose(after[:, 0], 7.0, rtol=1e-9)
     np.testing.assert_allclose(areas @ after, areas @ values, rtol=1e-9)
     assert np.ptp(after[:, 1]) < np.ptp(values[:, 1])
