@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from pipeline.kernels import topology
 from pipeline.mesh import FloatArray, IndexArray, Mesh
 
+MIN_REACH_EDGES = 2.0
 _MIN_POINTS = 8  # for a fit of six coefficients
 _SAME_SIDE = 0.2  # cosine of normals: the other side of a thin wall is near, but another place
 _MAX_STEP = 0.7  # of the reach: a maximum of the fit beyond it is extrapolated
@@ -26,9 +28,13 @@ class Peaks:
 def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float) -> Peaks:
     """The maximum of a quadric fitted to `field` (n,) around each of `vertices` (k,), weights exp(-2 (d / reach)^2).
 
-    Where the fit has no maximum in reach, the vertex itself. Turning or scaling the mesh moves the answers with it.
+    reach_mm : at least two mean edges are used, so that there is something to fit. Where the fit has no maximum in reach,
+    the vertex itself. Turning or scaling the mesh moves the answers with it.
     """
     normals = mesh.vertex_normals()
+    ends = topology.edges(mesh.faces).ends
+    edges = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
+    reach_mm = max(reach_mm, MIN_REACH_EDGES * float(edges.mean()) if len(edges) else reach_mm)
     near = cKDTree(mesh.vertices).query_ball_point(mesh.vertices[vertices], reach_mm, return_sorted=True)
     positions, values, sharpness = mesh.vertices[vertices].copy(), field[vertices].copy(), np.zeros(len(vertices))
     for k, (vertex, found) in enumerate(zip(vertices, near, strict=True)):

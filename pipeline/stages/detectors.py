@@ -147,10 +147,9 @@ def _by_maxima(scene: Scene, mesh: Mesh, field: FloatArray) -> Candidates:
 
 
 def _between_vertices(scene: Scene, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
-    """(k, 3) maxima of the field as exactly as T^2 locates its own, over at least two edges."""
+    """(k, 3) maxima of the field as exactly as T^2 locates its own."""
     finite = np.where(np.isfinite(field), field, np.min(field[np.isfinite(field)], initial=0.0))
-    reach_mm = max(REACH_RADII * scene.features.radius_mm, 2.0 * _mean_edge_mm(mesh))
-    return peaks.located(mesh, finite, tops, reach_mm).position_mm
+    return peaks.located(mesh, finite, tops, REACH_RADII * scene.features.radius_mm).position_mm
 
 
 def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> Candidates:

@@ -20,7 +20,7 @@ BY_MAXIMA: list[Detector] = ["gaussian_curvature", "agd", "hks", "iss"]
 
 def scene(mesh: Mesh, radius_mm: float = RADIUS_MM, seed: int = 0, threads: int | None = None) -> Scene:
     surface = GeodesicSolver(mesh.vertices, mesh.faces, threads=threads)
-    measured = features(mesh, surface, radius_mm, FeaturesSettings())
+    measured = features(mesh, radius_mm, FeaturesSettings())
     return Scene(mesh, surface, measured, COUNT, radius_mm, seed)
 
 
