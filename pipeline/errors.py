@@ -99,3 +99,11 @@ class ComponentsTooSmall(PipelineError):
     stage = Stage.SEGMENTATION
     code = "components_too_small"
     default_remedy = "lower segmentation.min_component_share, or join the shells of the mesh"
+
+
+class TooFewLandmarks(PipelineError):
+    stage = Stage.STUDY
+    code = "too_few_landmarks"
+    default_remedy = (
+        "the surface has too little relief for a study of landmarks: lower landmarks.min_relief, or send another part"
+    )

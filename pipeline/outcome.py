@@ -95,8 +95,11 @@ class Landmark(Record):
     position_mm: Vector3
     normal: Vector3
     segment: int
-    t2: float
-    strength: float = Field(description="T^2 over the limit of its segment; > 1")
+    t2: float = Field(description="T^2 by the spread of its segment (at most that of the part), which the limit is for")
+    strength: float = Field(
+        description="what landmarks are ordered by: T^2 by the spread of the whole part, over its limit, so that "
+        "segments compare (statistics `segment`: by and over that of the segment)"
+    )
 
 
 class Match(Record):
@@ -294,7 +297,7 @@ class Quantiles(Record):
 
 
 class InformativenessProtocol(Record):
-    """The paper's five steps on a shape of n points and its own copy: see `pipeline/study.py`."""
+    """The paper's five steps on a shape of n points and its own copy: see `pipeline/informativeness.py`."""
 
     kind: Literal["informativeness"] = "informativeness"
     trials: int

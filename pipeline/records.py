@@ -13,6 +13,7 @@ from pipeline.outcome import (
     Alternative,
     Input,
     Inputs,
+    Landmark,
     Match,
     Metrics,
     Note,
@@ -133,6 +134,12 @@ def input_warnings(**inputs: Cleaned) -> list[Note]:
             detail = f"{name}: points without triangles; a surface was laid through them for the analysis only"
             notes.append(Note(code="point_cloud", detail=detail))
     return notes
+
+
+def landmark_warnings(**marked: list[Landmark]) -> list[Note]:
+    """Meshes on which nothing stands out."""
+    detail = "no landmarks: the surface has no relief at the scale of the features (features.radius_mm)"
+    return [Note(code="no_landmarks", detail=f"{name}: {detail}") for name, found in marked.items() if not found]
 
 
 def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:

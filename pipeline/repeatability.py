@@ -9,8 +9,10 @@ repeatability = pairs within eps, one to one / points that could be seen again. 
 points has missed the others.
 """
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -140,6 +142,17 @@ def rows(trials: Sequence[Trial], diagonal_mm: float) -> list[RepeatabilityRow]:
             )
         )
     return found
+
+
+def write_trials(path: Path, trials: Sequence[Trial]) -> None:
+    """trials.csv: a row a condition, trial and detector; empty where its points gave no pose."""
+    names = [field.name for field in fields(Trial)]
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        for trial in trials:
+            values = (getattr(trial, name) for name in names)
+            writer.writerow(["" if value is None else value for value in values])
 
 
 def in_words(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow]) -> str:

@@ -19,6 +19,7 @@ from pipeline.outcome import (
     SegmentsOfMesh,
     SegmentsPair,
     SegmentsResult,
+    StudyResult,
 )
 from pipeline.progress import OnProgress, Stage
 from pipeline.settings import Settings
@@ -26,6 +27,7 @@ from pipeline.stages import report
 from pipeline.stages.deviation import deviation
 from pipeline.stages.matching import Side, match
 from pipeline.stages.registration import register
+from pipeline.stages.study import study
 from pipeline.verdict import judge
 from pipeline.watch import Watch
 
@@ -107,7 +109,12 @@ def run_registration(
         ),
         timings_s=watch.timings_s(),
         files=sorted(files),
-        warnings=[*design.warnings, *scan.warnings, *records.input_warnings(design=clean_design, scan=clean_scan)],
+        warnings=[
+            *design.warnings,
+            *scan.warnings,
+            *records.landmark_warnings(design=landmarks.design, scan=landmarks.scan),
+            *records.input_warnings(design=clean_design, scan=clean_scan),
+        ],
     )
     if out is not None:
         (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
@@ -185,6 +192,44 @@ def run_landmarks(
     result = LandmarksResult(
         segments=SegmentsOfMesh(mesh=segments_record(found, settings)),
         landmarks=LandmarksOfMesh(mesh=marked),
+        provenance=records.one_provenance(records.input_record(loaded, cleaned), settings, seed),
+        timings_s=watch.timings_s(),
+        files=sorted(files),
+        warnings=[*found.warnings, *records.landmark_warnings(mesh=marked), *records.input_warnings(mesh=cleaned)],
+    )
+    if out is not None:
+        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return result
+
+
+def run_study(
+    file: MeshFile,
+    *,
+    settings: Settings,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+) -> StudyResult:
+    """See `pipeline.study`."""
+    watch = Watch(on_progress, shares.STUDY)
+    loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
+    with watch.stage(Stage.STUDY):
+        found = study(cleaned.mesh, settings, seed, lambda share, what: watch.within(Stage.STUDY, share, what))
+
+    files: list[str] = []
+    if out is not None:
+        with watch.stage(Stage.REPORT):
+            out.mkdir(parents=True, exist_ok=True)
+            if settings.report.write_files:
+                found.write(out)
+                files = ["trials.csv", "study.svg"]
+            files.append("results.json")
+
+    result = StudyResult(
+        protocol=found.protocol,
+        informativeness=found.informativeness,
+        repeatability=found.repeatability,
+        summary=found.summary,
         provenance=records.one_provenance(records.input_record(loaded, cleaned), settings, seed),
         timings_s=watch.timings_s(),
         files=sorted(files),

@@ -108,9 +108,10 @@ def t2_scores(
 
     `statistics = "segment"` (paper): centre and covariance of each segment by themselves. "part": directions and ratio of
     the spreads are those of the whole part, weighted by area and without the 2.5 % that lie farthest out; a segment
-    brings its own size of spread where that is smaller. Segments of two scans of one part never have quite the same borders, so what is
-    computed from few vertices differs; and one field over the whole part has no jumps at borders. Features are m, G and
-    |l|: free of rotation and, as each is divided by its spread, of unit (a says nothing more once it is physical).
+    brings its own size of spread where that is smaller. Segments of two scans of one part never have quite the same
+    borders, so what is computed from few vertices differs; and one field over the whole part has no jumps at borders.
+    Features are m, G and |l|: free of rotation and, as each is divided by its spread, of unit (a says nothing more once
+    it is physical).
     A segment without relief is flat and gives no landmarks; one with few vertices takes the spread of the part.
     """
     n = len(labels)

@@ -1,6 +1,4 @@
-"""
-Exact geodesic distances on triangle meshes with intrinsic edge lengths; see kernels/geodesics.py.
-"""
+"""The C++ behind kernels/geodesics.py and kernels/copy_icp.py."""
 
 from collections.abc import Callable
 from typing import Annotated
@@ -29,3 +27,10 @@ class Solver:
     def nearest(self, sources: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], most: int, threads: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None))]: ...
 
     def windows(self, source: int, radius: float) -> int: ...
+
+class CopyIcp:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+    def align(self, starts: Annotated[NDArray[numpy.float64], dict(shape=(None, 4, 4), order='C', device='cpu', writable=False)], library_iterations: int, library_tolerance: float, iterations: int, threads: int, progress: Callable[[float], object] | None = None) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None, None, None))], Annotated[NDArray[numpy.float64], dict(shape=(None, None, None))], Annotated[NDArray[numpy.int32], dict(shape=(None,))], Annotated[NDArray[numpy.int32], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]]: ...
+
+    def rms_error(self, starts: Annotated[NDArray[numpy.float64], dict(shape=(None, 4, 4), order='C', device='cpu', writable=False)], backs: Annotated[NDArray[numpy.float64], dict(shape=(None, 4, 4), order='C', device='cpu', writable=False)], threads: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]: ...
