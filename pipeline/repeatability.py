@@ -37,6 +37,7 @@ DEFAULT_TRIALS = 5
 SCAN_VERTICES = 8000  # of the new triangulation, give or take a quarter
 SPACING_EPS = 2.5
 CROP = 0.3
+CHANCE_DRAWS = 20
 RIGHT_SHARE = 0.01  # of the diagonal: a pose this near the truth is right
 
 
@@ -108,10 +109,12 @@ def repeatability(
             rng = np.random.default_rng([seed, c, trial])
             scan, seen, T_scan_design = scanned(mesh, condition, rng)
             again = _looked(scan, detectors, count, spacing_mm, scales, settings, int(rng.integers(2**32)))
+            chance = _chance(whole, again, seen, T_scan_design, count, eps_mm, rng)
             for detector in detectors:
-                found = _compared(whole, again, detector, seen, T_scan_design, count, eps_mm, rng)
+                found = _compared(whole, again, detector, seen, T_scan_design, count, eps_mm)
                 error = _pose_error_mm(whole, again, detector, scan, T_scan_design, scales, settings, seed)
-                done.append(Trial(condition.name, trial, detector, *found, error))
+                share, points, visible = found
+                done.append(Trial(condition.name, trial, detector, share, chance, points, visible, error))
     protocol = RepeatabilityProtocol(
         trials=trials,
         eps=asked.eps,
@@ -241,21 +244,33 @@ def _compared(
     T_scan_design: FloatArray,
     count: int,
     eps_mm: float,
-    rng: np.random.Generator,
-) -> tuple[float, float, float, float]:
-    """repeatability, chance, points, visible : see `Trial`."""
+) -> tuple[float, float, float]:
+    """repeatability, points, visible : see `Trial`."""
     first, second = whole.marked[detector].position_mm, again.marked[detector].position_mm
     visible_area = float(np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2()))
     shown = first[seen(first)]
     # points never given count as seen in the share of the surface that is
     visible = len(shown) + (count - len(first)) * visible_area
     back = rigid.transformed(rigid.inverse(T_scan_design), second)
-    share = pairs_within(shown, back, eps_mm) / max(visible, 1.0)
-    random_first, random_second = (_drawn(side.side.mesh, count, rng) for side in (whole, again))
-    random_shown = random_first[seen(random_first)]
-    random_back = rigid.transformed(rigid.inverse(T_scan_design), random_second)
-    chance = pairs_within(random_shown, random_back, eps_mm) / max(len(random_shown), 1)
-    return share, chance, (len(first) + len(second)) / 2, visible
+    return pairs_within(shown, back, eps_mm) / max(visible, 1.0), (len(first) + len(second)) / 2, visible
+
+
+def _chance(
+    whole: _Looked,
+    again: _Looked,
+    seen: Callable[[FloatArray], BoolArray],
+    T_scan_design: FloatArray,
+    count: int,
+    eps_mm: float,
+    rng: np.random.Generator,
+) -> float:
+    """What `count` points drawn by area on either mesh reach, on average over some draws."""
+    shares = []
+    for _ in range(CHANCE_DRAWS):
+        first, second = (_drawn(side.side.mesh, count, rng) for side in (whole, again))
+        shown, back = first[seen(first)], rigid.transformed(rigid.inverse(T_scan_design), second)
+        shares.append(pairs_within(shown, back, eps_mm) / max(len(shown), 1))
+    return float(np.mean(shares))
 
 
 def _drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> FloatArray:

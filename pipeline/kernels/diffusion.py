@@ -24,7 +24,10 @@ def diffused(mesh: Mesh, values: FloatArray, radius_mm: float, steps: int = 2) -
     mass = np.maximum(areas, _MIN_AREA_SHARE * max(float(areas.mean()), 1e-300))
     step = radius_mm**2 / 4.0 / steps
     solver = splu((diags(mass) - step * curvature.cotangent_laplacian(mesh)).tocsc())
-    current = np.asarray(values, dtype=np.float64)
-    for _ in range(steps):
-        current = np.asarray(solver.solve(mass[:, None] * current), dtype=np.float64)
-    return current
+    # One column at a time: several at once are solved by a threaded product, whose last bits depend on the threads.
+    columns = []
+    for column in np.asarray(values, dtype=np.float64).T:
+        for _ in range(steps):
+            column = solver.solve(mass * column)
+        columns.append(column)
+    return np.stack(columns, axis=1)
