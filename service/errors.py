@@ -157,6 +157,7 @@ TABLE: dict[type[Exception], Row] = {
     mesh.TooFewPoints: Row(422, "The mesh has too few points"),
     mesh.ResampleFailed: Row(422, "The mesh cannot be resampled"),
     mesh.ComponentsTooSmall: Row(422, "Every piece of the mesh is too small"),
+    mesh.TooFewLandmarks: Row(422, "The mesh has too little to mark for a study"),
 }
 
 

@@ -89,6 +89,7 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.TooFewPoints("3 points are left after cleaning, 10 are needed", mesh="scan"),
     mesh.ResampleFailed("isotropic remeshing left no vertices", mesh="scan"),
     mesh.ComponentsTooSmall("none of 400 connected pieces has 1 % of the area", mesh="scan"),
+    mesh.TooFewLandmarks("no detector gives 3 points (t2 0)", mesh="mesh"),
 ]
 
 

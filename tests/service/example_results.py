@@ -19,10 +19,11 @@ def main() -> None:
         design, scan, out = (Path(folder) / name for name in ("design.stl", "scan.stl", "out"))
         design.write_bytes(blob_stl())
         scan.write_bytes(blob_stl(26, 34, turn_deg=35.0, shift_mm=(12.0, -7.0, 3.0)))
+        turned = pipeline.Settings(study=pipeline.StudySettings(rotation_deg=45.0))
         results = (
             pipeline.register(design, scan, tolerance_mm=0.2, out=out / "registration"),
             pipeline.find_landmarks(design, out=out / "landmarks"),
-            pipeline.study(design, trials=100, detectors=("t2", "iss", "random"), out=out / "study"),
+            pipeline.study(design, settings=turned, trials=100, detectors=("t2", "iss", "random"), out=out / "study"),
         )
     for result in results:
         (EXAMPLES / f"results.{result.type}.json").write_text(result.model_dump_json(indent=1) + "\n")
