@@ -226,7 +226,7 @@ def in_words(asked: InformativenessProtocol, found: Sequence[InformativenessRow]
     else:
         told = _told("With ICP as a library ends it", library, asked.trials)
         told += _told("With ICP to convergence", converged, asked.trials)
-    raw = f"Counted as the paper does, K > 1 whatever the size of both errors, it is {_listed(library, _raw)}"
+    raw = f"Counted as the paper does, K > 1 whatever the size of both errors, the share is {_listed(library, _raw)}"
     if any(row.share_tie > 0 for row in library):
         raw += (
             ": in ties that compares rounding errors, which grow with the number of points summed, whatever the points"
@@ -242,8 +242,8 @@ def _told(start: str, group: Sequence[InformativenessRow], trials: int) -> list[
             "detector from another, nor landmarks from the complete shape."
         ]
     told = [
-        f"{start}, landmarks alone did better in {_listed(group, _above)} of the trials, tied (both errors being rounding "
-        f"errors) in {_listed(group, _tie)}, and did worse in the rest."
+        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; tied, both errors being "
+        f"rounding errors, in: {_listed(group, _tie)}; and did worse in the rest."
     ]
     random = next((row for row in group if row.detector == "random"), None)
     others = [row for row in group if row.detector != "random"]

@@ -94,13 +94,14 @@ def _draw_curves(axes: "Axes", study: Informativeness, rule: int) -> None:
             label=LABELS[detector],
             gid=f"k-{RULES[rule]}-{detector}",
         )
-    if all(study.ties(detector)[:, rule].all() for detector in study.landmarks):
+    untied = max(1 - float(study.ties(detector)[:, rule].mean()) for detector in study.landmarks)
+    if untied == 0:
         axes.text(0, 0.5, "every trial is a tie", ha="center", va="center", backgroundcolor="white", color="0.3")
     axes.axvline(0.0, color="0.3", linewidth=0.8, zorder=1)
     axes.set_xlim(-_ENDS - 0.2, _ENDS + 0.2)
     ticks = list(range(-_ENDS, _ENDS + 1, 2))
     axes.set_xticks(ticks, labels=[rf"$\leq${ticks[0]}", *map(str, ticks[1:-1]), rf"$\geq${ticks[-1]}"])
-    axes.set_ylim(0, 1.02)
+    axes.set_ylim(0, 1.03 * untied or 1.0)
     axes.set_title(_RULE_LABELS[RULES[rule]], loc="left", fontsize=10)
     axes.set_xlabel(r"$\log_{10} K$, ties left out; right of 0 landmarks alone are better", fontsize=9)
     axes.set_ylabel("share of all trials up to K", fontsize=9)
@@ -128,7 +129,13 @@ def _draw_shares(axes: "Axes", study: Informativeness, rule: int) -> None:
     axes.set_xlabel("share of trials in which landmarks alone are", fontsize=9)
     if rule == 0:
         axes.legend(
-            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8, frameon=False, columnspacing=1.0
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=3,
+            fontsize=8,
+            frameon=False,
+            columnspacing=1.0,
+            borderpad=0,
         )
 
 
@@ -140,7 +147,7 @@ def draw_repeatability(protocol: RepeatabilityProtocol, rows: Sequence[Repeatabi
     width = 2.2 + 2.6 * len(protocol.conditions)
     figure = Figure(figsize=(width, 1.7 + _BAR_INCH * len(detectors)), layout="constrained")
     panels = figure.subplots(1, len(protocol.conditions), sharey=True, squeeze=False)[0]
-    for axes, condition in zip(panels, protocol.conditions, strict=True):
+    for panel, (axes, condition) in enumerate(zip(panels, protocol.conditions, strict=True)):
         group = {row.detector: row for row in rows if row.condition == condition}
         for number, detector in enumerate(detectors):
             row = group[detector]
@@ -149,7 +156,7 @@ def draw_repeatability(protocol: RepeatabilityProtocol, rows: Sequence[Repeatabi
                 *(number, row.mean),
                 height=0.7,
                 color=_BETTER if detector == "t2" else _OTHER,
-                gid=f"mean-{condition}-{detector}",
+                gid=f"mean-{panel}-{detector}",
             )
             axes.plot(
                 *([row.chance, row.chance], [number - 0.42, number + 0.42]),
