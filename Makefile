@@ -58,6 +58,7 @@ openapi: $(READY) ## write openapi/openapi.json and its examples
 bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on real ones
 	$(BIN)/python -m tests.accuracy.geodesics
 	$(BIN)/python -m tests.accuracy.teeth
+	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench
 
 clean: ## remove what setup and the tools made
