@@ -67,7 +67,7 @@ class Alternative(Record):
     matrix: Matrix4
     score: float
     rmse_mm: float
-    symmetry_of_design: bool | None = Field(description="null: not examined in this version")
+    symmetry_of_design: bool = Field(description="moving the design from the pose to this one leaves it the same")
 
 
 class Metrics(Record):
@@ -181,7 +181,9 @@ class FreeMotion(Record):
     kind: Literal["rotation", "translation", "screw"]
     axis: Vector3
     point_mm: Vector3
-    sigma_mm: float
+    sigma_mm: float = Field(
+        description="standard deviation of the RMS displacement along it, with correlated residuals"
+    )
 
 
 class Observability(Record):
@@ -189,7 +191,9 @@ class Observability(Record):
 
     eigenvalues: list[float] = Field(description="ascending, mean over the inliers")
     condition_number: float | None
-    free_motions: list[FreeMotion] | None = Field(description="null: not examined in this version")
+    free_motions: list[FreeMotion] = Field(
+        description="less certain than the tolerance, or than a share of the diagonal"
+    )
 
 
 class Scale(Record):

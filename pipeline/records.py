@@ -11,6 +11,7 @@ from pipeline.kernels.surface import Surface
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.outcome import (
     Alternative,
+    FreeMotion,
     Input,
     Inputs,
     Landmark,
@@ -34,13 +35,14 @@ from pipeline.stages.registration import Registration, fit
 _LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh")
 
 
-def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded) -> Transform:
+def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded, unit_factor: float | None = None) -> Transform:
+    """unit_factor : of a `units_suspect` scan; `matrix` is of the scan so scaled, `matrix_file_to_file` includes it."""
     R, t = T_design_scan[:3, :3], T_design_scan[:3, 3]
     x, y, z, w = Rotation.from_matrix(R).as_quat()
     quaternion = np.array([w, x, y, z]) * (-1.0 if w < 0 else 1.0)
     # p_design_file = p_design_mm / mm_per_unit(design), p_scan_mm = p_scan_file * mm_per_unit(scan)
     file_to_file = T_design_scan.copy()
-    file_to_file[:3, :3] *= scan.mm_per_unit / design.mm_per_unit
+    file_to_file[:3, :3] *= (unit_factor or 1.0) * scan.mm_per_unit / design.mm_per_unit
     file_to_file[:3, 3] /= design.mm_per_unit
     return Transform(
         matrix=T_design_scan.tolist(),
@@ -52,18 +54,20 @@ def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded) -> Transf
     )
 
 
-def alternatives(registration: Registration, scan: Mesh, design: Surface, *, rejected: bool) -> list[Alternative]:
-    """The other poses refined to the end, best first; of a `no_match` also the best pose, which was rejected."""
-    poses = [*([registration.best] if rejected else []), *registration.rivals]
+def alternatives(
+    registration: Registration, symmetric: tuple[bool, ...], scan: Mesh, design: Surface, *, rejected: bool
+) -> list[Alternative]:
+    """The other poses refined to the end, best first; without a pose to stand by also the best, which was rejected."""
+    poses = [*([(registration.best, False)] if rejected else []), *zip(registration.rivals, symmetric, strict=True)]
     best = registration.best.cost_mm2
     return [
         Alternative(
             matrix=pose.T_design_scan.tolist(),
             score=pose.cost_mm2 / best if best > 0 else 1.0,
             rmse_mm=fit(scan, design, pose.T_design_scan, registration.inlier_distance_mm).rmse_mm,
-            symmetry_of_design=None,
+            symmetry_of_design=is_symmetry,
         )
-        for pose in poses
+        for pose, is_symmetry in poses
     ]
 
 
@@ -97,16 +101,25 @@ def matches(matching: Matching, design: LandmarkSet, scan: LandmarkSet, T_design
 
 
 def observability(registration: Registration) -> Observability:
-    smallest, largest = float(registration.eigenvalues[0]), float(registration.eigenvalues[-1])
+    seen = registration.observability
+    smallest, largest = float(seen.eigenvalues[0]), float(seen.eigenvalues[-1])
     return Observability(
-        eigenvalues=registration.eigenvalues.tolist(),
+        eigenvalues=seen.eigenvalues.tolist(),
         condition_number=largest / smallest if smallest > 0 else None,
-        free_motions=None,
+        free_motions=[
+            FreeMotion(
+                kind=motion.kind,
+                axis=motion.axis.tolist(),
+                point_mm=motion.point_mm.tolist(),
+                sigma_mm=motion.sigma_mm,
+            )
+            for motion in seen.free
+        ],
     )
 
 
-def scale(registration: Registration) -> Scale:
-    return Scale(isotropic=registration.isotropic_scale, per_axis=None, warp_mm=None, unit_factor=None)
+def scale(registration: Registration, unit_factor: float | None) -> Scale:
+    return Scale(isotropic=registration.isotropic_scale, per_axis=None, warp_mm=None, unit_factor=unit_factor)
 
 
 def input_record(loaded: Loaded, cleaned: Cleaned) -> Input:

@@ -5,7 +5,7 @@ geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -
 
 from pathlib import Path
 
-from pipeline import decision_graph, palette, records
+from pipeline import decision_graph, doubts, palette, records
 from pipeline import watch as shares
 from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record, write_analysis
 from pipeline.door import MeshFile
@@ -25,10 +25,8 @@ from pipeline.progress import OnProgress, Stage
 from pipeline.settings import Settings
 from pipeline.stages import report
 from pipeline.stages.deviation import deviation
-from pipeline.stages.matching import Side, match
-from pipeline.stages.registration import register
 from pipeline.stages.study import study
-from pipeline.verdict import judge
+from pipeline.verdict import POSED, Case, judge
 from pipeline.watch import Watch
 
 
@@ -51,19 +49,18 @@ def run_registration(
     design = analyse(clean_design.mesh, "design", scales, settings, watch, seed)
     scan = analyse(clean_scan.mesh, "scan", scales, settings, watch, seed)
 
-    with watch.stage(Stage.MATCHING):
-        matching = match(
-            Side(design.resampled.mesh, design.landmarks),
-            Side(scan.resampled.mesh, scan.landmarks),
-            settings.matching.length_share * scales.size_mm,
-            settings.matching,
-            seed,
-        )
     surface = Surface(design.mesh)
+    diagonal = design.mesh.diagonal_mm
+    certain_mm = doubts.limit_mm(diagonal, tolerance_mm, settings.registration)
+    with watch.stage(Stage.MATCHING):
+        sides, matching = doubts.matched(design, scan, scales, settings, seed)
     with watch.stage(Stage.REGISTRATION):
-        registration = register(scan.mesh, surface, matching, settings.registration, seed)
-        verdict = judge(registration, matching, design.mesh.diagonal_mm, settings.registration)
-    found = verdict.status == "ok"
+        found = doubts.registered(scan, sides, matching, surface, settings, seed, certain_mm)
+        found, doubted = doubts.examined(found, design, surface, scales, settings, seed, certain_mm)
+        scan, matching, registration = found.scan, found.matching, found.registration
+        case = Case(registration, matching, doubted, diagonal, certain_mm)
+        verdict = judge(case, settings.registration)
+    posed = verdict.status in POSED
     with watch.stage(Stage.DEVIATION):
         segment_of_face = design.segmentation.labels[design.resampled.working_of_clean[design.mesh.faces[:, 0]]]
         measured = deviation(scan.mesh, surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation)
@@ -72,7 +69,7 @@ def run_registration(
     landmarks = Landmarks(
         design=landmark_records(design),
         scan=landmark_records(scan),
-        matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if found else [],
+        matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if posed else [],
     )
     files: list[str] = []
     if out is not None:
@@ -84,21 +81,21 @@ def run_registration(
                     out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
                 )
                 files.append("landmarks.csv")
-                if found:
+                if posed:
                     report.write_mesh(out / "aligned.ply", scan.mesh.moved(T_design_scan))
                     files.append("aligned.ply")
             files.append("results.json")
 
     result = RegistrationResult(
         verdict=verdict,
-        transform=records.transform(T_design_scan, loaded_design, loaded_scan) if found else None,
-        alternatives=records.alternatives(registration, scan.mesh, surface, rejected=not found),
-        metrics=records.metrics(registration, found=found),
+        transform=records.transform(T_design_scan, loaded_design, loaded_scan, doubted.unit_factor) if posed else None,
+        alternatives=records.alternatives(registration, doubted.symmetric, scan.mesh, surface, rejected=not posed),
+        metrics=records.metrics(registration, found=posed),
         landmarks=landmarks,
         segments=SegmentsPair(design=segments_record(design, settings), scan=segments_record(scan, settings)),
-        deviation=measured.summary if found else None,
-        observability=records.observability(registration) if found else None,
-        scale=records.scale(registration) if found else None,
+        deviation=measured.summary if posed else None,
+        observability=records.observability(registration) if posed else None,
+        scale=records.scale(registration, doubted.unit_factor) if posed else None,
         provenance=records.provenance(
             Inputs(
                 design=records.input_record(loaded_design, clean_design),

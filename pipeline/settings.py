@@ -203,6 +203,20 @@ class RegistrationSettings(Section):
     max_residual_share: float = Field(
         0.009, gt=0, description="verdict no_match when the truncated RMS distance is above this share of the diagonal"
     )
+    rival_margin: float = Field(
+        1.25, ge=1, description="verdict ambiguous when another pose costs less than this many times the best"
+    )
+    free_motion_share: float = Field(
+        0.005,
+        gt=0,
+        description="verdict under_constrained when a motion is less certain (one sigma) than this share of the diagonal",
+    )
+    mirror_share: float = Field(
+        0.0025, ge=0, description="look for a mirrored scan when the residual is above this share of the diagonal"
+    )
+    mirror_gain: float = Field(
+        0.6, gt=0, le=1, description="verdict mirrored when the reflection leaves less than this share of the residual"
+    )
 
 
 class DeviationSettings(Section):

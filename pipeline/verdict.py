@@ -1,94 +1,173 @@
-"""May the pose be trusted? This version tells `ok` from `no_match` and lists what a person should know.
+"""May the pose be trusted? The first of these that applies, then what a person should know whatever the status.
 
-Not in this version: `units_suspect`, `mirrored`, `under_constrained`, `ambiguous` (design section 4). A near-equal
-second pose and weak observability are reported as findings meanwhile, whatever the status.
+`units_suspect` > `mirrored` > `no_match` > `under_constrained` > `ambiguous` > `ok`: each defined in `judge`.
 """
 
-from pipeline.outcome import Finding, Verdict
+from dataclasses import dataclass
+
+from pipeline.doubts import LOOSE, UNIT_FACTORS, Doubts
+from pipeline.outcome import Finding, Verdict, VerdictStatus
 from pipeline.settings import RegistrationSettings
 from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
-RIVAL_MARGIN = 1.2  # a second pose with a truncated cost below this many times the best is worth a finding
+RIVAL_NOTE = 2.0  # a second pose with a cost below this many times the best is worth a finding
 WEAK_EIGENVALUE = 1e-3
-LOOSE = 0.4  # of the residual limit: mirrored arches lie at 0.7, depth-camera scans at 0.5 to 0.8, others below 0.2
+
+#: With these there is a pose to stand by, as far as the status says.
+POSED: frozenset[VerdictStatus] = frozenset({"ok", "units_suspect", "under_constrained", "ambiguous"})
 
 
-def judge(
-    registration: Registration, matching: Matching, diagonal_mm: float, settings: RegistrationSettings
-) -> Verdict:
-    """`no_match` when too little of the scan lies on the design, or lies too far off it.
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What a verdict is about. certain_mm : how uncertain a motion may be (one sigma)"""
 
-    confidence = fitness x (1 - residual / limit) x (1 - best cost / second pose's cost): a heuristic, not a
-    calibrated probability.
+    registration: Registration
+    matching: Matching
+    doubts: Doubts
+    diagonal_mm: float
+    certain_mm: float
+
+
+def judge(case: Case, settings: RegistrationSettings) -> Verdict:
+    """The verdict of design section 4.
+
+    units_suspect : the scan fits after its numbers are multiplied by a unit factor, and not without;
+    mirrored : the reflected scan leaves less than `mirror_gain` of the residual, and fits;
+    no_match : too little of the scan lies on the design (`min_fitness`), or too far off it (`max_residual_share`);
+    under_constrained : a motion of the scan is less certain than the tolerance, or `free_motion_share` of the diagonal;
+    ambiguous : another pose, no symmetry of the design, costs less than `rival_margin` times the best.
+
+    confidence = fitness x (1 - residual / limit) x (1 - best cost / cost of the next pose that is no symmetry): a
+    heuristic, not a calibrated probability; 0 without a pose.
     """
-    fit, findings = registration.fit, []
-    limit_mm = settings.max_residual_share * diagonal_mm
-    if fit.fitness < settings.min_fitness:
-        findings.append(
-            Finding(
-                code="low_fitness",
-                detail=f"{fit.fitness:.0%} of the scan lies within {registration.inlier_distance_mm:.3g} mm "
-                f"of the design; {settings.min_fitness:.0%} are needed",
-                value=fit.fitness,
-            )
-        )
-    if fit.truncated_rms_mm > limit_mm:
-        findings.append(
-            Finding(
-                code="high_residual",
-                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at "
-                f"most {registration.inlier_distance_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part",
-                value=fit.truncated_rms_mm,
-            )
-        )
+    findings = _misfit(case, settings)
     matched = not findings
-    if matched and fit.truncated_rms_mm > LOOSE * limit_mm:
-        findings.append(
-            Finding(
-                code="loose_fit",
-                detail=f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS), more than a good scanner "
-                "and printer leave: a rough scan, or a mirrored or similar part; look at the aligned meshes",
-                value=fit.truncated_rms_mm,
-            )
+    status: VerdictStatus = "ok"
+    mirrored = _mirrored(case, settings)
+    if case.doubts.unit_factor is not None:
+        status = "units_suspect"
+        findings.insert(0, _units(case.doubts.unit_factor))
+    elif mirrored is not None:
+        status = "mirrored"
+        findings.insert(0, mirrored)
+    elif not matched:
+        status = "no_match"
+    elif case.registration.observability.free:
+        status = "under_constrained"
+    elif _margin(case) < 1.0 - 1.0 / settings.rival_margin:
+        status = "ambiguous"
+    if matched:
+        findings += _looseness(case, settings)
+    findings += [*_free(case), *_rivals(case), *_weakness(case)]
+    limit_mm = settings.max_residual_share * case.diagonal_mm
+    fit = case.registration.fit
+    closeness = max(0.0, 1.0 - fit.truncated_rms_mm / limit_mm)
+    confidence = min(1.0, fit.fitness * closeness * _margin(case)) if status in POSED else 0.0
+    return Verdict(status=status, confidence=confidence, findings=findings)
+
+
+def _misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
+    fit, findings = case.registration.fit, []
+    limit_mm = settings.max_residual_share * case.diagonal_mm
+    inlier_mm = case.registration.inlier_distance_mm
+    if fit.fitness < settings.min_fitness:
+        near = f"{fit.fitness:.0%} of the scan lies within {inlier_mm:.3g} mm of the design"
+        detail = f"{near}; {settings.min_fitness:.0%} are needed"
+        findings.append(Finding(code="low_fitness", detail=detail, value=fit.fitness))
+    if fit.truncated_rms_mm > limit_mm:
+        detail = (
+            f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
+            f"{inlier_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part"
         )
-    margin = 1.0
-    if registration.rivals:
-        second = registration.rivals[0].cost_mm2
-        margin = 1.0 - registration.best.cost_mm2 / second if second > 0 else 0.0
-        if second < RIVAL_MARGIN * registration.best.cost_mm2 or second == 0:
-            findings.append(
-                Finding(
-                    code="rival_pose",
-                    detail="another pose fits almost as well, see alternatives: symmetric, or too little to go by",
-                    value=second / registration.best.cost_mm2 if registration.best.cost_mm2 > 0 else None,
-                )
-            )
-    if registration.eigenvalues[0] < WEAK_EIGENVALUE:
-        findings.append(
-            Finding(
-                code="weakly_constrained",
-                detail="the surfaces hardly notice one of the six motions (a turn or a slide): check the pose",
-                value=float(registration.eigenvalues[0]),
-            )
+        findings.append(Finding(code="high_residual", detail=detail, value=fit.truncated_rms_mm))
+    return findings
+
+
+def _units(factor: float) -> Finding:
+    detail = (
+        f"the scan fits only when its numbers are multiplied by {factor:.6g} ({UNIT_FACTORS[factor]}); transform and "
+        "metrics are of the scan so scaled: say the unit in options.units and send it again"
+    )
+    return Finding(code="unit_factor", detail=detail, value=factor)
+
+
+def _mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
+    under, rigid_mm = case.doubts.mirrored_rms_mm, case.registration.fit.truncated_rms_mm
+    limit_mm = settings.max_residual_share * case.diagonal_mm
+    if under is None or under > limit_mm or under > settings.mirror_gain * rigid_mm:
+        return None
+    detail = (
+        f"the mirror image of the scan lies {under:.3g} mm off the design (RMS), the scan itself {rigid_mm:.3g} mm: "
+        "it was mirrored on export, or it is the part of the other side"
+    )
+    return Finding(code="mirrored", detail=detail, value=under)
+
+
+def _looseness(case: Case, settings: RegistrationSettings) -> list[Finding]:
+    rms_mm = case.registration.fit.truncated_rms_mm
+    if rms_mm <= LOOSE * settings.max_residual_share * case.diagonal_mm:
+        return []
+    detail = (
+        f"the scan is {rms_mm:.3g} mm off the design (RMS), more than a good scanner and printer leave: a rough scan, or a "
+        "similar part; look at the aligned meshes"
+    )
+    return [Finding(code="loose_fit", detail=detail, value=rms_mm)]
+
+
+def _free(case: Case) -> list[Finding]:
+    return [
+        Finding(
+            code="free_motion",
+            detail=f"a {motion.kind} about or along ({', '.join(f'{x:.3f}' for x in motion.axis)}) is known to "
+            f"{motion.sigma_mm:.3g} mm only (one sigma; {case.certain_mm:.3g} mm are asked for)",
+            value=motion.sigma_mm,
         )
-    if matching.T_landmarks is None:
-        findings.append(
-            Finding(
-                code="few_landmarks",
-                detail=f"{len(matching.design)} landmarks match, too few to fix a pose by landmarks alone; "
-                f"it came from {registration.seed} hypotheses",
-                value=float(len(matching.design)),
-            )
+        for motion in case.registration.observability.free
+    ]
+
+
+def _rivals(case: Case) -> list[Finding]:
+    findings = []
+    equal = sum(case.doubts.symmetric)
+    if equal:
+        detail = (
+            f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
         )
+        findings.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
+    best, others = case.registration.best.cost_mm2, _others(case)
+    if others and others[0] < RIVAL_NOTE * best:
+        detail = "another pose, no symmetry of the design, fits almost as well; see alternatives"
+        findings.append(Finding(code="rival_pose", detail=detail, value=others[0] / best if best > 0 else None))
+    return findings
+
+
+def _weakness(case: Case) -> list[Finding]:
+    findings, registration = [], case.registration
+    weakest = float(registration.observability.eigenvalues[0])
+    if weakest < WEAK_EIGENVALUE and not registration.observability.free:
+        detail = "the surfaces hardly notice one of the six motions (a turn or a slide): check the pose"
+        findings.append(Finding(code="weakly_constrained", detail=detail, value=weakest))
+    if case.matching.T_landmarks is None:
+        count = len(case.matching.design)
+        detail = f"{count} landmarks match, too few to fix a pose by landmarks alone; it came from {registration.seed} hypotheses"
+        findings.append(Finding(code="few_landmarks", detail=detail, value=float(count)))
     if not registration.best.converged:
-        findings.append(
-            Finding(
-                code="not_converged",
-                detail=f"ICP was still moving after {registration.best.iterations} iterations",
-                value=float(registration.best.iterations),
-            )
-        )
-    closeness = 1.0 - fit.truncated_rms_mm / limit_mm
-    confidence = max(0.0, min(1.0, fit.fitness * closeness * margin)) if matched else 0.0
-    return Verdict(status="ok" if matched else "no_match", confidence=confidence, findings=findings)
+        iterations = registration.best.iterations
+        detail = f"ICP was still moving after {iterations} iterations"
+        findings.append(Finding(code="not_converged", detail=detail, value=float(iterations)))
+    return findings
+
+
+def _others(case: Case) -> list[float]:
+    """Costs of the poses that are no symmetry of the design, lowest first."""
+    rivals = zip(case.registration.rivals, case.doubts.symmetric, strict=True)
+    return sorted(rival.cost_mm2 for rival, symmetric in rivals if not symmetric)
+
+
+def _margin(case: Case) -> float:
+    """1 - best cost over that of the next pose that is no symmetry; 1 without one."""
+    others = _others(case)
+    if not others:
+        return 1.0
+    return max(0.0, 1.0 - case.registration.best.cost_mm2 / others[0]) if others[0] > 0 else 0.0

@@ -40,6 +40,17 @@ class Side:
         support_mm = settings.descriptor_radius_lengths * length_mm
         return fpfh(self.mesh, support_mm) if self.descriptors is None else self.descriptors
 
+    def reflected(self, length_mm: float, settings: MatchingSettings) -> "Side":
+        """Its mirror image in the plane x = 0, normals still out. Of a pair's three angles under reflection, alpha changes
+        sign: its 11 bins are read backwards.
+        """
+        across = np.array([-1.0, 1.0, 1.0])
+        described = self.described(length_mm, settings)
+        mirrored = np.concatenate([described[:, :11], described[:, 11:22][:, ::-1], described[:, 22:]], axis=1)
+        found = self.landmarks
+        landmarks = replace(found, position_mm=found.position_mm * across, normal=found.normal * across)
+        return Side(Mesh(self.mesh.vertices * across, self.mesh.faces[:, ::-1]), landmarks, mirrored)
+
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.free_motions import Observability, observe
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.similarity import isotropic_scale
 from pipeline.kernels.surface import Closest, Surface
@@ -12,10 +13,11 @@ from pipeline.mesh import FloatArray, Mesh
 from pipeline.settings import RegistrationSettings
 from pipeline.stages.matching import Matching
 
-MAX_RIVALS = 3
+MAX_RIVALS = 7
 RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
 TRIAL_POINTS = 2_000
 TRIAL_ITERATIONS = 40  # enough to tell the seeds apart; the best goes on from there
+CLOSE_COST = 1.3  # a rival below this many times the best's cost is refined on all points too
 APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
 COVERAGE_POINTS = 10_000
 TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
@@ -53,7 +55,7 @@ class Fit:
 class Registration:
     """best : the final pose; rivals : other distinct poses refined to the end, by cost; fit : under the best.
 
-    rmse_* as in `outcome.Metrics`; eigenvalues : (6,) of the point-to-plane Hessian, ascending
+    rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie on the design
     """
 
     best: Pose
@@ -65,13 +67,47 @@ class Registration:
     rmse_landmarks_mm: float | None
     rmse_complete_mm: float
     design_coverage: float
-    eigenvalues: FloatArray
+    observability: Observability
     isotropic_scale: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """best, rivals : as in `Registration`; seed : where the best came from"""
+
+    best: Pose
+    rivals: tuple[Pose, ...]
+    seed: str
+
+
 def register(
-    scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int
+    scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int, limit_mm: float
 ) -> Registration:
+    """The best pose by `search`, its rivals, and what it is worth. limit_mm : a motion less certain than this is free."""
+    diagonal = design.mesh.diagonal_mm
+    inlier = settings.inlier_share * diagonal
+    found = search(scan, design, matching, settings, seed)
+    best = found.best
+    every = _scan_points(scan, settings.sample_points, seed)
+    complete = _complete(scan, design, settings, diagonal, seed)
+    final = fit(scan, design, best.T_design_scan, inlier)
+    T_landmarks = matching.T_landmarks
+    return Registration(
+        best=best,
+        rivals=found.rivals,
+        fit=final,
+        seed=found.seed,
+        inlier_distance_mm=inlier,
+        rmse_initial_mm=fit(scan, design, np.eye(4), inlier).rmse_mm,
+        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, design, T_landmarks, inlier).rmse_mm,
+        rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
+        design_coverage=_coverage(scan.moved(best.T_design_scan), design.mesh, inlier, seed),
+        observability=observed(final, scan.weights(), design, inlier, limit_mm),
+        isotropic_scale=isotropic_scale(every.points, every.weights, design, best.T_design_scan, inlier),
+    )
+
+
+def search(scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int) -> Searched:
     """Landmarks seed, ICP refines (point to plane on the exact surface), the lowest truncated cost is the pose.
 
     The seed is the fit of the matched landmarks when it lies at least as well as the best hypothesis, else that.
@@ -103,27 +139,21 @@ def register(
     tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
     first, source = tried[0]
     best = refined(first.T_design_scan, source.facing, every, settings.max_iterations)
-    rivals = tuple(
-        replace(pose, cost_mm2=_truncated_cost(pose.T_design_scan, every, design, inlier))
-        for pose, _ in tried[1:]
-        if rigid.rms_displacement(pose.T_design_scan, best.T_design_scan, few.points) > APART_SHARE * diagonal
-    )
-    complete = _complete(scan, design, settings, diagonal, seed)
-    final = fit(scan, design, best.T_design_scan, inlier)
-    T_landmarks = matching.T_landmarks
-    return Registration(
-        best=best,
-        rivals=rivals,
-        fit=final,
-        seed=source.source,
-        inlier_distance_mm=inlier,
-        rmse_initial_mm=fit(scan, design, np.eye(4), inlier).rmse_mm,
-        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, design, T_landmarks, inlier).rmse_mm,
-        rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
-        design_coverage=_coverage(scan.moved(best.T_design_scan), design.mesh, inlier, seed),
-        eigenvalues=observability(final, scan.weights(), inlier),
-        isotropic_scale=isotropic_scale(every.points, every.weights, design, best.T_design_scan, inlier),
-    )
+    apart = APART_SHARE * diagonal
+    rivals: list[Pose] = []
+    facings: list[float] = []
+    for pose, its_seed in tried[1:]:
+        known = [best, *rivals]
+        if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, few.points) > apart for each in known):
+            facings.append(its_seed.facing)
+            rivals.append(replace(pose, cost_mm2=_truncated_cost(pose.T_design_scan, every, design, inlier)))
+    for number, rival in enumerate(rivals):
+        if rival.cost_mm2 < CLOSE_COST * best.cost_mm2:  # refined on all points, the order may turn
+            pose = refined(
+                rival.T_design_scan, 1.0 if every.normals is None else facings[number], every, settings.max_iterations
+            )
+            best, rivals[number] = (pose, best) if pose.cost_mm2 < best.cost_mm2 else (best, pose)
+    return Searched(best, tuple(sorted(rivals, key=lambda pose: pose.cost_mm2)), source.source)
 
 
 def fit(scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float) -> Fit:
@@ -145,20 +175,20 @@ def fit(scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_distance_
     )
 
 
-def observability(fit: Fit, weights: FloatArray, inlier_distance_mm: float) -> FloatArray:
-    """(6,) eigenvalues, ascending, of the mean point-to-plane Hessian over the inliers, at their centroid.
+def observed(
+    fit: Fit, weights: FloatArray, design: Surface, inlier_distance_mm: float, limit_mm: float
+) -> Observability:
+    """Of the scan's vertices within the inlier distance; a motion less certain than `limit_mm` is free."""
+    residual = np.einsum("kd,kd->k", fit.closest.normal, fit.moved - fit.closest.point)
+    inside = weights * (fit.closest.distance <= inlier_distance_mm)
+    few = np.flatnonzero(inside > 0)
+    few = few[:: max(1, len(few) // TRIAL_POINTS)]
 
-    Rotations are scaled by the RMS radius, so all six are pure numbers that sum to about 2; one near zero is a
-    motion the surfaces do not notice (Bonnabel, Barczyk, Goulette 2016, for the closed form).
-    """
-    w = weights * (fit.closest.distance <= inlier_distance_mm)
-    if not w.any():
-        return np.zeros(6)
-    w = w / w.sum()
-    arm = fit.moved - (w[:, None] * fit.moved).sum(axis=0)
-    radius = float(np.sqrt((w * (arm**2).sum(axis=1)).sum()))
-    J = np.concatenate([np.cross(arm, fit.closest.normal) / max(radius, 1e-300), fit.closest.normal], axis=1)
-    return np.maximum(np.linalg.eigvalsh(np.einsum("k,ki,kj->ij", w, J, J)), 0.0)
+    def cost_mm2(T: FloatArray) -> float:
+        distance = design.closest(rigid.transformed(T, fit.moved[few])).distance
+        return float(np.average(np.minimum(distance, 2 * inlier_distance_mm) ** 2, weights=inside[few]))
+
+    return observe(fit.moved, fit.closest.normal, residual, inside, limit_mm, cost_mm2)
 
 
 @dataclass(frozen=True, slots=True)

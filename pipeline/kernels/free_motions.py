@@ -1,0 +1,138 @@
+"""Which small motions of a registered scan its design does not notice: turning a bolt, sliding along a rail.
+
+The 6 x 6 point-to-plane Hessian at the area centroid, rotations scaled by the RMS radius so that all six unknowns are
+displacements in mm (Bonnabel, Barczyk, Goulette, "On the covariance of ICP-based scan-matching techniques", 2016: its
+closed form holds for point-to-plane only). The standard deviation of a motion is sigma / sqrt(n_eff lambda), with as many
+effective samples as the residuals' correlation leaves.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pipeline.kernels import rigid
+from pipeline.mesh import FloatArray
+
+PATCHES = 100
+WEAK = 0.02  # eigenvalues above this need no second look
+_PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """axis : (3,) unit, of the rotation or along the translation; point_mm : (3,) on the axis (the centroid for a
+    translation); sigma_mm : standard deviation of the RMS displacement; twist : (6,) rotation vector a mm of displacement
+    and translation, about the centroid
+    """
+
+    kind: Literal["rotation", "translation", "screw"]
+    axis: FloatArray
+    point_mm: FloatArray
+    sigma_mm: float
+    twist: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """eigenvalues : (6,) ascending, pure numbers that sum to about 2; free : motions with sigma above the limit"""
+
+    eigenvalues: FloatArray
+    free: tuple[Motion, ...]
+
+
+def observe(
+    points: FloatArray,
+    normals: FloatArray,
+    residual_mm: FloatArray,
+    weights: FloatArray,
+    limit_mm: float,
+    cost_mm2: Callable[[FloatArray], float],
+) -> Observability:
+    """points : (k, 3) of the scan in place; normals : (k, 3) of the design there; residual_mm : (k,) signed;
+    weights : (k,), 0 leaves a point out; limit_mm : motions less certain than this (one sigma) are free;
+    cost_mm2 : mean squared distance after one more motion (4, 4).
+
+    The facets of a tessellated bolt notice the first micrometre of a turn, the bolt does not: a weak motion is also made,
+    by the limit to either side, and what the cost really rises by counts where it is less.
+    """
+    kept = weights > 0
+    if kept.sum() < 6:
+        return Observability(np.zeros(6), ())
+    points, normals, residual, w = points[kept], normals[kept], residual_mm[kept], weights[kept] / weights[kept].sum()
+    centre = w @ points
+    arm = points - centre
+    radius = max(float(np.sqrt(w @ (arm**2).sum(axis=1))), 1e-300)
+    J = np.concatenate([np.cross(arm, normals) / radius, normals], axis=1)
+    hessian = np.einsum("k,ki,kj->ij", w, J, J)
+    eigenvalues, vectors = np.linalg.eigh(hessian)
+    variance = float(w @ residual**2) / effective_count(points, residual, w)
+    start = cost_mm2(np.eye(4))
+
+    def noticed(vector: FloatArray) -> float:
+        """How fast the cost rises along a unit vector of the six, in units of its square."""
+        linear = float(vector @ hessian @ vector)
+        if linear > WEAK:
+            return linear
+        twist = np.concatenate([vector[:3] / radius, vector[3:]])
+        rises = [cost_mm2(about(centre, side * limit_mm * twist)) - start for side in (1.0, -1.0)]
+        return min(linear, max(0.0, float(np.mean(rises))) / limit_mm**2)
+
+    def sigma_mm(vector: FloatArray) -> float:
+        return float(min(np.sqrt(variance / max(noticed(vector), 1e-12)), 10 * radius))
+
+    free = vectors[:, [sigma_mm(vector) > limit_mm for vector in vectors.T]]
+    motions = tuple(_motion(each, sigma_mm(each), centre, radius) for each in _untangled(free).T)
+    return Observability(np.maximum(eigenvalues, 0.0), motions)
+
+
+def about(centre: FloatArray, twist: FloatArray) -> FloatArray:
+    """(4, 4) the motion of a twist (6,), rotation vector and translation, about a point."""
+    T = rigid.from_vector(twist[None])[0]
+    T[:3, 3] += centre - T[:3, :3] @ centre
+    return T
+
+
+def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatArray) -> float:
+    """So many independent residuals scatter as these do: patches of the surface whose means vary less than single
+    residuals hold independent ones, patches whose means vary as much hold one each. At least 6, at most all.
+    """
+    total = float(weights @ residual_mm**2)
+    if total <= 0:
+        return float(len(points))
+    extent = np.ptp(points, axis=0)
+    edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / PATCHES))
+    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
+    _, patch = np.unique(cell, axis=0, return_inverse=True)
+    share = np.bincount(patch.ravel(), weights=weights)
+    mean = np.bincount(patch.ravel(), weights=weights * residual_mm) / np.maximum(share, 1e-300)
+    between = float(share @ mean**2)
+    return float(np.clip(len(share) * total / max(between, 1e-300), 6.0, len(points)))
+
+
+def _untangled(free: FloatArray) -> FloatArray:
+    """(6, m) an orthonormal basis of the same free motions in which translations stand alone."""
+    if free.shape[1] < 2:
+        return free
+    _, turning, mix = np.linalg.svd(free[:3])
+    order = np.argsort(np.concatenate([turning, np.zeros(max(0, free.shape[1] - 3))])[: free.shape[1]], kind="stable")
+    return np.asarray(free @ mix.T[:, order], dtype=np.float64)
+
+
+def _motion(vector: FloatArray, sigma_mm: float, centre: FloatArray, radius: float) -> Motion:
+    turn, slide = vector[:3], vector[3:]
+    turned, slid = float(np.linalg.norm(turn)), float(np.linalg.norm(slide))
+    twist = np.concatenate([turn / radius, slide])
+    if turned < _PURE * slid:
+        return Motion("translation", _signed(slide / slid), centre, sigma_mm, twist)
+    omega = turn / radius
+    along = float(slide @ turn) / turned
+    point = centre + np.cross(omega, slide) / float(omega @ omega)
+    kind: Literal["rotation", "screw"] = "rotation" if abs(along) < _PURE * turned else "screw"
+    return Motion(kind, _signed(turn / turned), point, sigma_mm, twist)
+
+
+def _signed(axis: FloatArray) -> FloatArray:
+    """An axis has no direction: the largest component is positive."""
+    return np.asarray(axis * np.sign(axis[int(np.abs(axis).argmax())]), dtype=np.float64)
