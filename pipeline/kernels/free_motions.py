@@ -16,6 +16,7 @@ from pipeline.kernels import rigid
 from pipeline.mesh import FloatArray
 
 PATCHES = 100
+WIDE = 10.0  # times the limit: a facet is soon left behind
 WEAK = 0.02  # eigenvalues above this need no second look
 _PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
 
@@ -55,7 +56,7 @@ def observe(
     cost_mm2 : mean squared distance after one more motion (4, 4).
 
     The facets of a tessellated bolt notice the first micrometre of a turn, the bolt does not: a weak motion is also made,
-    by the limit to either side, and what the cost really rises by counts where it is less.
+    by the limit and by ten times that to either side, and what the cost really rises by counts where it is less.
     """
     kept = weights > 0
     if kept.sum() < 6:
@@ -76,8 +77,10 @@ def observe(
         if linear > WEAK:
             return linear
         twist = np.concatenate([vector[:3] / radius, vector[3:]])
-        rises = [cost_mm2(about(centre, side * limit_mm * twist)) - start for side in (1.0, -1.0)]
-        return min(linear, max(0.0, float(np.mean(rises))) / limit_mm**2)
+        for step_mm in (limit_mm, WIDE * limit_mm):
+            rises = [cost_mm2(about(centre, side * step_mm * twist)) - start for side in (1.0, -1.0)]
+            linear = min(linear, max(0.0, sum(rises) / 2) / step_mm**2)
+        return linear
 
     def sigma_mm(vector: FloatArray) -> float:
         return float(min(np.sqrt(variance / max(noticed(vector), 1e-12)), 10 * radius))
@@ -90,8 +93,7 @@ def observe(
 def about(centre: FloatArray, twist: FloatArray) -> FloatArray:
     """(4, 4) the motion of a twist (6,), rotation vector and translation, about a point."""
     T = rigid.from_vector(twist[None])[0]
-    T[:3, 3] += centre - T[:3, :3] @ centre
-    return T
+    return rigid.compose(T[:3, :3], T[:3, 3] + centre - T[:3, :3] @ centre)
 
 
 def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatArray) -> float:
