@@ -16,6 +16,7 @@ from pipeline.kernels import rigid
 from pipeline.mesh import FloatArray
 
 PATCHES = 100
+MOST_EFFECTIVE = 300  # warp and calibration correlate everywhere: thousands of points never are so many samples
 WIDE = 10.0  # times the limit: a facet is soon left behind
 WEAK = 0.02  # eigenvalues above this need no second look
 _PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
@@ -98,11 +99,11 @@ def about(centre: FloatArray, twist: FloatArray) -> FloatArray:
 
 def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatArray) -> float:
     """So many independent residuals scatter as these do: patches of the surface whose means vary less than single
-    residuals hold independent ones, patches whose means vary as much hold one each. At least 6, at most all.
+    residuals hold independent ones, patches whose means vary as much hold one each. At least 6, at most 300.
     """
     total = float(weights @ residual_mm**2)
     if total <= 0:
-        return float(len(points))
+        return float(min(MOST_EFFECTIVE, len(points)))
     extent = np.ptp(points, axis=0)
     edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / PATCHES))
     cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
@@ -110,7 +111,7 @@ def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatA
     share = np.bincount(patch.ravel(), weights=weights)
     mean = np.bincount(patch.ravel(), weights=weights * residual_mm) / np.maximum(share, 1e-300)
     between = float(share @ mean**2)
-    return float(np.clip(len(share) * total / max(between, 1e-300), 6.0, len(points)))
+    return float(np.clip(len(share) * total / max(between, 1e-300), 6.0, min(MOST_EFFECTIVE, len(points))))
 
 
 def _untangled(free: FloatArray) -> FloatArray:

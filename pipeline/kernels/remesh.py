@@ -2,6 +2,7 @@
 
 import numpy as np
 import pymeshlab
+from pymeshlab import PyMeshLabException as PyMeshLabException
 
 from pipeline.mesh import FloatArray, IndexArray, IntArray, Mesh
 

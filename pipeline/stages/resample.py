@@ -18,6 +18,7 @@ from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.settings import CleanSettings, ResampleSettings
 from pipeline.stages.clean import clean
 
+MIN_VERTICES = 500
 DECIMATE_ABOVE = 8  # times the wanted faces: remeshing directly is slow from there on
 
 
@@ -42,9 +43,10 @@ def working_edge_mm(area_mm2: float, n_vertices: int) -> float:
 def resample(
     mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings, *, fine_edge_mm: float | None = None
 ) -> Resampled:
-    """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many vertices.
+    """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many vertices, shorter
+    if it would be next to none.
 
-    fine_edge_mm : also remesh to this edge, lengthened by the same factor; without `settings.enabled` the fine mesh is
+    fine_edge_mm : also remesh to this edge, changed by the same factor; without `settings.enabled` the fine mesh is
     the mesh itself.
 
     Raises
@@ -55,7 +57,9 @@ def resample(
         return Resampled(mesh, None if fine_edge_mm is None else mesh, edge_mm, np.arange(len(mesh.vertices)))
     surface = surface_of_cloud(mesh.vertices, name, edge_mm) if mesh.is_cloud else mesh
     area = float(surface.face_areas_mm2().sum())
-    longer = max(1.0, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm)
+    # A scan far smaller than its design (in another unit, a splinter) keeps enough vertices to be looked at.
+    longer = min(1.0, working_edge_mm(area, MIN_VERTICES) / edge_mm)
+    longer = max(longer, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm)
     fine = None
     if fine_edge_mm is not None:
         fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings)
@@ -69,7 +73,10 @@ def _remeshed(surface: Mesh, area_mm2: float, name: str, edge_mm: float, setting
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
         surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted))
-    remeshed = remesh.isotropic(surface, edge_mm, settings.iterations)
+    try:
+        remeshed = remesh.isotropic(surface, edge_mm, settings.iterations)
+    except remesh.PyMeshLabException as error:
+        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
     if len(remeshed.faces) == 0:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm left nothing", mesh=name)
     return clean(remeshed, name, CleanSettings()).mesh
