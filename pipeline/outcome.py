@@ -41,7 +41,7 @@ class Verdict(Record):
     confidence: float | None = Field(
         ge=0,
         le=1,
-        description="heuristic in this version: closeness of the fit times margin to the next pose; not calibrated",
+        description="heuristic: closeness of the fit times margin to the next pose that is no symmetry; not calibrated",
     )
     findings: list[Finding]
 
@@ -197,7 +197,10 @@ class Observability(Record):
 
 
 class Scale(Record):
-    """Diagnosis only: a scale is never applied."""
+    """Diagnosis only: a scale is never applied.
+
+    unit_factor : of a `units_suspect` scan, what its numbers must be multiplied by; `transform` is of the scan so scaled
+    """
 
     isotropic: float | None
     per_axis: list[float] | None

@@ -192,7 +192,7 @@ class RegistrationSettings(Section):
     inlier_share: float = Field(
         0.02, gt=0, lt=0.5, description="inlier distance as a share of the diagonal of the design"
     )
-    max_iterations: int = Field(100, ge=1, le=10_000)
+    max_iterations: int = Field(100, ge=1, le=10_000, description="of the final ICP")
     sample_points: int = Field(10_000, ge=500, description="scan points the final ICP uses")
     min_fitness: float = Field(
         0.75,
