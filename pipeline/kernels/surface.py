@@ -6,6 +6,7 @@ triangles are equally far to about 1e-7 of the part's size. The sign follows Bae
 distance computation using the angle weighted pseudonormal" (2005): right at edges and vertices too.
 """
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,9 @@ class Closest:
     normal: FloatArray
 
 
+MANY_POINTS = 20_000  # from here on threads are worth their start
+
+
 class Surface:
     """A triangle surface to ask for closest points; built once, asked often."""
 
@@ -47,7 +51,9 @@ class Surface:
     def closest(self, points: FloatArray) -> Closest:
         """points : (k, 3)."""
         query = o3d.core.Tensor((points - self._centre).astype(np.float32))
-        face = self._scene.compute_closest_points(query, nthreads=1)["primitive_ids"].numpy().astype(np.int64)
+        # Each answer is its own: threads change none of them.
+        threads = 1 if len(points) < MANY_POINTS else len(os.sched_getaffinity(0))
+        face = self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"].numpy().astype(np.int64)
         corners = self.mesh.vertices[self.mesh.faces[face]]
         weights = closest_weights(points, corners)
         point = np.einsum("kc,kcd->kd", weights, corners)
