@@ -202,9 +202,11 @@ class Scale(Record):
     unit_factor : of a `units_suspect` scan, what its numbers must be multiplied by; `transform` is of the scan so scaled
     """
 
-    isotropic: float | None
-    per_axis: list[float] | None
-    warp_mm: float | None
+    isotropic: float | None = Field(description="size of the scan over the design's: 0.996 is 0.4 % too small")
+    per_axis: list[float] | None = Field(description="the same along x, y, z of the design; null: cannot tell")
+    warp_mm: float | None = Field(
+        description="RMS over patches of the mean distance left after scaling by axis: what is bent, not rough"
+    )
     unit_factor: float | None
     applied: Literal[False] = False
 

@@ -119,7 +119,9 @@ def observability(registration: Registration) -> Observability:
 
 
 def scale(registration: Registration, unit_factor: float | None) -> Scale:
-    return Scale(isotropic=registration.isotropic_scale, per_axis=None, warp_mm=None, unit_factor=unit_factor)
+    found = registration.scale
+    per_axis = None if found.per_axis is None else found.per_axis.tolist()
+    return Scale(isotropic=found.isotropic, per_axis=per_axis, warp_mm=found.warp_mm, unit_factor=unit_factor)
 
 
 def input_record(loaded: Loaded, cleaned: Cleaned) -> Input:

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.kernels import icp, rigid, sampling
 from pipeline.kernels.free_motions import Observability, observe
 from pipeline.kernels.nearest import nearest
-from pipeline.kernels.similarity import isotropic_scale
+from pipeline.kernels.similarity import stretch, warp_mm
 from pipeline.kernels.surface import Closest, Surface
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.settings import RegistrationSettings
@@ -17,6 +17,7 @@ MAX_RIVALS = 7
 RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
 TRIAL_POINTS = 2_000
 TRIAL_ITERATIONS = 40  # enough to tell the seeds apart; the best goes on from there
+CLOSE_RIVALS = 2
 CLOSE_COST = 1.3  # a rival below this many times the best's cost is refined on all points too
 APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
 COVERAGE_POINTS = 10_000
@@ -52,6 +53,15 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
+class ScaleFound:
+    """isotropic; per_axis : (3,) along the design's axes; warp_mm : what stays bent after the latter; None: cannot tell"""
+
+    isotropic: float | None
+    per_axis: FloatArray | None
+    warp_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Registration:
     """best : the final pose; rivals : other distinct poses refined to the end, by cost; fit : under the best.
 
@@ -68,7 +78,7 @@ class Registration:
     rmse_complete_mm: float
     design_coverage: float
     observability: Observability
-    isotropic_scale: float | None
+    scale: ScaleFound
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +113,7 @@ def register(
         rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
         design_coverage=_coverage(scan.moved(best.T_design_scan), design.mesh, inlier, seed),
         observability=observed(final, scan.weights(), design, inlier, limit_mm),
-        isotropic_scale=isotropic_scale(every.points, every.weights, design, best.T_design_scan, inlier),
+        scale=_scale(every, design, best.T_design_scan, inlier),
     )
 
 
@@ -147,11 +157,10 @@ def search(scan: Mesh, design: Surface, matching: Matching, settings: Registrati
         if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, few.points) > apart for each in known):
             facings.append(its_seed.facing)
             rivals.append(replace(pose, cost_mm2=_truncated_cost(pose.T_design_scan, every, design, inlier)))
-    for number, rival in enumerate(rivals):
-        if rival.cost_mm2 < CLOSE_COST * best.cost_mm2:  # refined on all points, the order may turn
-            pose = refined(
-                rival.T_design_scan, 1.0 if every.normals is None else facings[number], every, settings.max_iterations
-            )
+    by_cost = sorted(range(len(rivals)), key=lambda number: rivals[number].cost_mm2)
+    for number in by_cost[:CLOSE_RIVALS]:
+        if rivals[number].cost_mm2 < CLOSE_COST * best.cost_mm2:  # refined on all points, the order may turn
+            pose = refined(rivals[number].T_design_scan, facings[number], every, settings.max_iterations)
             best, rivals[number] = (pose, best) if pose.cost_mm2 < best.cost_mm2 else (best, pose)
     return Searched(best, tuple(sorted(rivals, key=lambda pose: pose.cost_mm2)), source.source)
 
@@ -189,6 +198,17 @@ def observed(
         return float(np.average(np.minimum(distance, 2 * inlier_distance_mm) ** 2, weights=inside[few]))
 
     return observe(fit.moved, fit.closest.normal, residual, inside, limit_mm, cost_mm2)
+
+
+def _scale(points: "ScanPoints", design: Surface, T_design_scan: FloatArray, inlier_mm: float) -> ScaleFound:
+    given = (points.points, points.weights, design, T_design_scan, inlier_mm)
+    one, three = stretch(*given, per_axis=False), stretch(*given, per_axis=True)
+    bent = three or one
+    return ScaleFound(
+        None if one is None else float(one.factors[0]),
+        None if three is None else three.factors,
+        None if bent is None else warp_mm(bent, points.weights),
+    )
 
 
 @dataclass(frozen=True, slots=True)
