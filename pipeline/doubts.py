@@ -30,7 +30,7 @@ LOOSE = 0.4  # of the residual limit: depth-camera scans lie at 0.5 to 0.8, prin
 SYMMETRY_RMS_SHARE = 0.0005  # of the diagonal: a design moved onto itself this near is symmetric under the motion,
 SYMMETRY_MAX_SHARE = 0.003  # and nowhere farther off than this: a hole in another place is a small RMS
 SAME_POSE_SHARE = 0.02
-SYMMETRY_POINTS = 10_000
+SYMMETRY_POINTS, SYMMETRY_ICP_POINTS = 10_000, 1_500
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def limit_mm(diagonal_mm: float, tolerance_mm: float | None, settings: Registrat
 
 def fits(registration: Registration, diagonal_mm: float, settings: RegistrationSettings) -> bool:
     """Enough of the scan lies on the design, near enough."""
-    enough = registration.fit.fitness >= settings.min_fitness
+    enough = registration.fit.fitness >= settings.min_fitness and registration.design_coverage >= settings.min_coverage
     return enough and registration.fit.truncated_rms_mm <= settings.max_residual_share * diagonal_mm
 
 
@@ -106,7 +106,10 @@ def examined(
             unit_factor, found = other
     if unit_factor is None and found.registration.fit.truncated_rms_mm > asked.mirror_share * diagonal:
         mirrored = mirrored_rms_mm(found, surface, scales, settings, seed)
-    return found, Doubts(unit_factor, mirrored, symmetries(found.registration, surface))
+    rivals = found.registration.rivals
+    examine = unit_factor is not None or fits(found.registration, diagonal, asked)
+    symmetric = symmetries(found.registration, surface) if examine else (False,) * len(rivals)
+    return found, Doubts(unit_factor, mirrored, symmetric)
 
 
 def in_another_unit(
@@ -154,18 +157,19 @@ def symmetries(registration: Registration, surface: Surface) -> tuple[bool, ...]
     """
     design = surface.mesh
     samples = sampling.on_surface(design, SYMMETRY_POINTS, 0)
-    weights = np.full(SYMMETRY_POINTS, 1.0 / SYMMETRY_POINTS)
     back = rigid.inverse(registration.best.T_design_scan)
     return tuple(
-        _is_symmetry(rival.T_design_scan @ back, samples.points, samples.normals, weights, surface)
+        _is_symmetry(rival.T_design_scan @ back, samples.points, samples.normals, surface)
         for rival in registration.rivals
     )
 
 
-def _is_symmetry(T: FloatArray, points: FloatArray, normals: FloatArray, weights: FloatArray, surface: Surface) -> bool:
+def _is_symmetry(T: FloatArray, points: FloatArray, normals: FloatArray, surface: Surface) -> bool:
     diagonal = surface.mesh.diagonal_mm
+    few = slice(None, None, len(points) // SYMMETRY_ICP_POINTS)
+    weights = np.full(len(points[few]), 1.0 / len(points[few]))
     done = icp.refine(
-        *(points, normals, weights, surface, T),
+        *(points[few], normals[few], weights, surface, T),
         max_distance_mm=0.02 * diagonal,
         max_iterations=30,
         tolerance_mm=1e-6 * diagonal,

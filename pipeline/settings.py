@@ -200,6 +200,9 @@ class RegistrationSettings(Section):
         le=1,
         description="verdict no_match when less of the scan lies within the inlier distance",
     )
+    min_coverage: float = Field(
+        0.05, ge=0, le=1, description="verdict no_match when the scan shows less of the design than this"
+    )
     max_residual_share: float = Field(
         0.009, gt=0, description="verdict no_match when the truncated RMS distance is above this share of the diagonal"
     )

@@ -75,6 +75,10 @@ def _misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
         near = f"{fit.fitness:.0%} of the scan lies within {inlier_mm:.3g} mm of the design"
         detail = f"{near}; {settings.min_fitness:.0%} are needed"
         findings.append(Finding(code="low_fitness", detail=detail, value=fit.fitness))
+    coverage = case.registration.design_coverage
+    if coverage < settings.min_coverage:
+        detail = f"the scan shows {coverage:.1%} of the design; {settings.min_coverage:.0%} are needed"
+        findings.append(Finding(code="low_coverage", detail=detail, value=coverage))
     if fit.truncated_rms_mm > limit_mm:
         detail = (
             f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at most "

@@ -17,6 +17,7 @@ from pipeline.mesh import FloatArray
 
 PATCHES = 100
 MOST_EFFECTIVE = 300  # warp and calibration correlate everywhere: thousands of points never are so many samples
+LEAST_NOISE = 50.0
 WIDE = 10.0  # times the limit: a facet is soon left behind
 WEAK = 0.02  # eigenvalues above this need no second look
 _PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
@@ -69,7 +70,8 @@ def observe(
     J = np.concatenate([np.cross(arm, normals) / radius, normals], axis=1)
     hessian = np.einsum("k,ki,kj->ij", w, J, J)
     eigenvalues, vectors = np.linalg.eigh(hessian)
-    variance = float(w @ residual**2) / effective_count(points, residual, w)
+    # nothing is known better than a fiftieth of what is asked for: not even a copy without noise
+    variance = max(float(w @ residual**2), (limit_mm / LEAST_NOISE) ** 2) / effective_count(points, residual, w)
     start = cost_mm2(np.eye(4))
 
     def noticed(vector: FloatArray) -> float:
