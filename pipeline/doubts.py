@@ -145,7 +145,7 @@ def mirrored_rms_mm(found: Found, surface: Surface, scales: Scales, settings: Se
     matching = match(of_design, of_scan.reflected(length_mm, settings.matching), length_mm, settings.matching, seed)
     across = np.array([-1.0, 1.0, 1.0])
     scan = Mesh(found.scan.mesh.vertices * across, found.scan.mesh.faces[:, ::-1])
-    best = search(scan, surface, matching, settings.registration, seed).best
+    best = search(scan, surface, matching, settings.registration, seed, thorough=False).best
     inlier = found.registration.inlier_distance_mm
     return fit(scan, surface, best.T_design_scan, inlier).truncated_rms_mm
 

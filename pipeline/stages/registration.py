@@ -16,7 +16,8 @@ from pipeline.stages.matching import Matching
 MAX_RIVALS = 7
 RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
 TRIAL_POINTS = 2_000
-TRIAL_ITERATIONS = 40  # enough to tell the seeds apart; the best goes on from there
+TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
+HOPELESS = 1.3  # times the residual limit after the trials: not this part
 CLOSE_RIVALS = 2
 CLOSE_COST = 1.3  # a rival below this many times the best's cost is refined on all points too
 APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
@@ -117,8 +118,13 @@ def register(
     )
 
 
-def search(scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int) -> Searched:
+def search(
+    scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int, *, thorough: bool = True
+) -> Searched:
     """Landmarks seed, ICP refines (point to plane on the exact surface), the lowest truncated cost is the pose.
+
+    thorough : False stops at the trials on few points; so does a scan that after them lies far off everywhere, where ICP
+    would wander on without ever converging.
 
     The seed is the fit of the matched landmarks when it lies at least as well as the best hypothesis, else that.
     """
@@ -148,7 +154,11 @@ def search(scan: Mesh, design: Surface, matching: Matching, settings: Registrati
     # sorted() is stable: of equally good ones the earlier hypothesis comes first
     tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
     first, source = tried[0]
-    best = refined(first.T_design_scan, source.facing, every, settings.max_iterations)
+    hopeless = first.cost_mm2 > (HOPELESS * settings.max_residual_share * diagonal) ** 2
+    if thorough and not hopeless:
+        best = refined(first.T_design_scan, source.facing, every, settings.max_iterations)
+    else:
+        best = replace(first, cost_mm2=_truncated_cost(first.T_design_scan, every, design, inlier))
     apart = APART_SHARE * diagonal
     rivals: list[Pose] = []
     facings: list[float] = []
@@ -158,7 +168,7 @@ def search(scan: Mesh, design: Surface, matching: Matching, settings: Registrati
             facings.append(its_seed.facing)
             rivals.append(replace(pose, cost_mm2=_truncated_cost(pose.T_design_scan, every, design, inlier)))
     by_cost = sorted(range(len(rivals)), key=lambda number: rivals[number].cost_mm2)
-    for number in by_cost[:CLOSE_RIVALS]:
+    for number in by_cost[: CLOSE_RIVALS if thorough and not hopeless else 0]:
         if rivals[number].cost_mm2 < CLOSE_COST * best.cost_mm2:  # refined on all points, the order may turn
             pose = refined(rivals[number].T_design_scan, facings[number], every, settings.max_iterations)
             best, rivals[number] = (pose, best) if pose.cost_mm2 < best.cost_mm2 else (best, pose)
