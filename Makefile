@@ -60,6 +60,8 @@ bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on r
 	$(BIN)/python -m tests.accuracy.teeth
 	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt kiss-matcher rtree
+	$(BIN)/python -m tests.accuracy.gauntlet --seeds 1 --peers --out gauntlet.jsonl
 
 clean: ## remove what setup and the tools made
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist
