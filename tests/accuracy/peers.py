@@ -129,7 +129,7 @@ NEEDS = {"KISS-Matcher": "kiss_matcher", "trimesh mesh_other": "rtree"}
 def installed() -> tuple[dict[str, Peer], list[str]]:
     """The peers that are here, and a line for each that is not."""
     missing = [name for name, module in NEEDS.items() if find_spec(module) is None]
-    lines = [f"{name}: left out, {NEEDS[name]} is not installed (pip install -e '.[dev]')" for name in missing]
+    lines = [f"{name}: left out, {NEEDS[name]} is not installed (pip install -e '.[peers]')" for name in missing]
     return {name: peer for name, peer in PEERS.items() if name not in missing}, lines
 
 
