@@ -111,6 +111,7 @@ def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *
 def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, delta: FloatArray) -> None:
     """The number of each segment beside its disc, where it hides no disc and no other number."""
     figure.draw_without_rendering()  # the layout decides where points are on paper
+    figure.set_layout_engine("none")  # once is enough: it takes longer than the drawing
     rho_delta = np.stack([segmentation.rho, delta], axis=1)[segmentation.centres]
     at_pt = axes.transData.transform(rho_delta) * 72.0 / figure.dpi
     for segment, offset_pt in enumerate(label_offsets(at_pt)):
