@@ -46,6 +46,10 @@ class Scales:
             float(np.sqrt(area)),
         )
 
+    def matching_mm(self, settings: Settings) -> float:
+        """What descriptors, tolerances and shortest pairs of matching are multiples of."""
+        return settings.matching.length_share * self.size_mm
+
 
 @dataclass(frozen=True, slots=True)
 class Cut:

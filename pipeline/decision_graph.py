@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH = (8.0, 5.6)
+MARGINS = {"left": 0.11, "right": 0.985, "top": 0.94, "bottom": 0.2}
 RASTER_DPI = 200  # the cloud of vertices is an image inside the SVG: ten thousand circles are no drawing
 LOG_ABOVE = 30.0  # largest rho over the median: from there on a linear axis hides most vertices
 DISC_PT = 4.0  # radius of a centre
@@ -52,8 +53,9 @@ def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) 
     """The figure; centre s has the gid `centre-<s>`."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=SIZE_INCH, layout="constrained")
-    axes = figure.subplots()
+    figure = Figure(figsize=SIZE_INCH)
+    # Fixed margins: a layout engine draws everything once more to measure it, which takes longer than the drawing.
+    axes = figure.subplots(gridspec_kw=MARGINS)
     delta = _above_zero(segmentation.delta)
     _draw_vertices(axes, segmentation, delta)
     _draw_cut_off(axes, segmentation.d_c_mm)
@@ -72,7 +74,7 @@ def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) 
     axes.set_title(f"Decision graph of {name}: {words}", loc="left")
     axes.grid(True, which="major", color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
     _number_centres(figure, axes, segmentation, delta)
     return figure
 
@@ -110,8 +112,7 @@ def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *
 
 def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, delta: FloatArray) -> None:
     """The number of each segment beside its disc, where it hides no disc and no other number."""
-    figure.draw_without_rendering()  # the layout decides where points are on paper
-    figure.set_layout_engine("none")  # once is enough: it takes longer than the drawing
+    axes.autoscale_view()  # limits decide where points are on paper
     rho_delta = np.stack([segmentation.rho, delta], axis=1)[segmentation.centres]
     at_pt = axes.transData.transform(rho_delta) * 72.0 / figure.dpi
     for segment, offset_pt in enumerate(label_offsets(at_pt)):

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.analysis import Analysis, Scales, analyse
-from pipeline.kernels import icp, rigid, sampling
-from pipeline.kernels.surface import Surface
+from pipeline.analysis import Analysis, analyse
+from pipeline.design import Design, described
+from pipeline.kernels import rigid
 from pipeline.mesh import FloatArray, Mesh
+from pipeline.pose_search import Pose, Scan, search
 from pipeline.settings import RegistrationSettings, Settings
 from pipeline.stages.matching import Matching, Side, match
-from pipeline.stages.registration import Registration, fit, register, search
+from pipeline.stages.registration import Registration, fit, register
 from pipeline.watch import silent
 
 #: The scan's numbers times this are mm, when they were taken for mm; each with what a person calls the mix-up.
@@ -27,18 +28,28 @@ UNIT_FACTORS = {
 }
 SIZES = (0.3, 1.4)  # a scan's diagonal over the design's, to be a part of it or the whole
 LOOSE = 0.4  # of the residual limit: depth-camera scans lie at 0.5 to 0.8, printed copies below 0.2
-SYMMETRY_RMS_SHARE = 0.0005  # of the diagonal: a design moved onto itself this near is symmetric under the motion,
-SYMMETRY_MAX_SHARE = 0.003  # and nowhere farther off than this: a hole in another place is a small RMS
-SAME_POSE_SHARE = 0.02
-SYMMETRY_POINTS, SYMMETRY_ICP_POINTS = 10_000, 1_500
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a job says beside its meshes."""
+
+    settings: Settings
+    seed: int
+    tolerance_mm: float | None
+
+    def certain_mm(self, design: Design) -> float:
+        """How uncertain (one sigma) a motion may be: the tolerance, or a share of the diagonal."""
+        share = self.settings.registration.free_motion_share
+        return share * design.diagonal_mm if self.tolerance_mm is None else self.tolerance_mm
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One scan on its design: the scan (in mm, after `unit_factor`), its matching and registration; sides : as matched"""
+    """One scan on its design: the scan (in mm, after `unit_factor`), as matching sees it, its matching and registration"""
 
     scan: Analysis
-    sides: tuple[Side, Side]
+    side: Side
     matching: Matching
     registration: Registration
 
@@ -54,133 +65,91 @@ class Doubts:
     symmetric: tuple[bool, ...]
 
 
-def limit_mm(diagonal_mm: float, tolerance_mm: float | None, settings: RegistrationSettings) -> float:
-    """How uncertain (one sigma) a motion may be: the tolerance, or a share of the diagonal."""
-    return settings.free_motion_share * diagonal_mm if tolerance_mm is None else tolerance_mm
-
-
 def fits(registration: Registration, diagonal_mm: float, settings: RegistrationSettings) -> bool:
     """Enough of the scan lies on the design, near enough."""
     enough = registration.fit.fitness >= settings.min_fitness and registration.design_coverage >= settings.min_coverage
     return enough and registration.fit.truncated_rms_mm <= settings.max_residual_share * diagonal_mm
 
 
-def matched(
-    design: Analysis, scan: Analysis, scales: Scales, settings: Settings, seed: int
-) -> tuple[tuple[Side, Side], Matching]:
-    length_mm = settings.matching.length_share * scales.size_mm
-    sides = _described(design, length_mm, settings), _described(scan, length_mm, settings)
-    return sides, match(*sides, length_mm, settings.matching, seed)
+def matched(scan: Analysis, design: Design, asked: Asked) -> tuple[Side, Matching]:
+    side = described(scan, design.scales, asked.settings)
+    return side, _match(design, side, asked)
 
 
-def registered(
-    scan: Analysis,
-    sides: tuple[Side, Side],
-    matching: Matching,
-    surface: Surface,
-    settings: Settings,
-    seed: int,
-    certain_mm: float,
-) -> Found:
-    registration = register(scan.mesh, surface, matching, settings.registration, seed, certain_mm)
-    return Found(scan, sides, matching, registration)
+def registered(scan: Analysis, side: Side, matching: Matching, design: Design, asked: Asked) -> Found:
+    settings, certain_mm = asked.settings.registration, asked.certain_mm(design)
+    registration = register(scan.mesh, design.surface, matching, settings, asked.seed, certain_mm)
+    return Found(scan, side, matching, registration)
 
 
-def examined(
-    found: Found,
-    design: Analysis,
-    surface: Surface,
-    scales: Scales,
-    settings: Settings,
-    seed: int,
-    certain_mm: float,
-) -> tuple[Found, Doubts]:
+def examined(found: Found, design: Design, asked: Asked) -> tuple[Found, Doubts]:
     """What stands after every doubt that the first fit gives cause for: another unit where it does not fit at all, the
-    mirror image where it fits loosely, symmetries where there are rivals.
+    mirror image where it fits loosely; and which rivals are as right as the best.
     """
-    diagonal, asked = design.mesh.diagonal_mm, settings.registration
+    diagonal, settings = design.diagonal_mm, asked.settings.registration
     unit_factor = mirrored = None
-    if not fits(found.registration, diagonal, asked):
-        other = in_another_unit(design, found.scan, surface, scales, settings, seed, certain_mm)
+    if not fits(found.registration, diagonal, settings):
+        other = in_another_unit(found.scan, design, asked)
         if other is not None:
             unit_factor, found = other
-    if unit_factor is None and found.registration.fit.truncated_rms_mm > asked.mirror_share * diagonal:
-        mirrored = mirrored_rms_mm(found, surface, scales, settings, seed)
-    rivals = found.registration.rivals
-    examine = unit_factor is not None or fits(found.registration, diagonal, asked)
-    symmetric = symmetries(found.registration, surface) if examine else (False,) * len(rivals)
+    if unit_factor is None and found.registration.fit.truncated_rms_mm > settings.mirror_share * diagonal:
+        mirrored = mirrored_rms_mm(found, design, asked)
+    if unit_factor is None and not fits(found.registration, diagonal, settings):
+        return found, Doubts(unit_factor, mirrored, (False,) * len(found.registration.rivals))
+    found, symmetric = _with_self_images(found, design, asked)
     return found, Doubts(unit_factor, mirrored, symmetric)
 
 
-def in_another_unit(
-    design: Analysis,
-    scan: Analysis,
-    surface: Surface,
-    scales: Scales,
-    settings: Settings,
-    seed: int,
-    certain_mm: float,
-) -> tuple[float, Found] | None:
+def in_another_unit(scan: Analysis, design: Design, asked: Asked) -> tuple[float, Found] | None:
     """The unit factor under which the scan fits the design, nearest in size first, or None."""
-    diagonal = design.mesh.diagonal_mm
+    diagonal, settings = design.diagonal_mm, asked.settings.registration
     ratio = scan.mesh.diagonal_mm / diagonal
     likely = [factor for factor in UNIT_FACTORS if SIZES[0] <= ratio * factor <= SIZES[1]]
     for factor in sorted(likely, key=lambda each: abs(np.log(ratio * each))):
         scaled = Mesh(scan.mesh.vertices * factor, scan.mesh.faces)
-        again = analyse(scaled, "scan", scales, settings, silent(), seed)
-        sides, matching = matched(design, again, scales, settings, seed)
-        found = registered(again, sides, matching, surface, settings, seed, certain_mm)
+        again = analyse(scaled, "scan", design.scales, asked.settings, silent(), asked.seed)
+        found = registered(again, *matched(again, design, asked), design, asked)
         # A scan made small fits nearly anywhere: it must fit tightly, for its own size too.
-        tight_mm = LOOSE * settings.registration.max_residual_share * min(diagonal, scaled.diagonal_mm)
+        tight_mm = LOOSE * settings.max_residual_share * min(diagonal, scaled.diagonal_mm)
         tight = found.registration.fit.truncated_rms_mm <= tight_mm and not found.registration.observability.free
-        if tight and fits(found.registration, diagonal, settings.registration):
+        if tight and fits(found.registration, diagonal, settings):
             return factor, found
     return None
 
 
-def mirrored_rms_mm(found: Found, surface: Surface, scales: Scales, settings: Settings, seed: int) -> float:
+def mirrored_rms_mm(found: Found, design: Design, asked: Asked) -> float:
     """Truncated RMS distance of the reflected scan under its best pose."""
-    length_mm = settings.matching.length_share * scales.size_mm
-    of_design, of_scan = found.sides
-    matching = match(of_design, of_scan.reflected(length_mm, settings.matching), length_mm, settings.matching, seed)
+    settings = asked.settings
+    length_mm = design.scales.matching_mm(settings)
+    matching = _match(design, found.side.reflected(length_mm, settings.matching), asked)
     across = np.array([-1.0, 1.0, 1.0])
-    scan = Mesh(found.scan.mesh.vertices * across, found.scan.mesh.faces[:, ::-1])
-    best = search(scan, surface, matching, settings.registration, seed, thorough=False).best
-    inlier = found.registration.inlier_distance_mm
-    return fit(scan, surface, best.T_design_scan, inlier).truncated_rms_mm
+    mesh = Mesh(found.scan.mesh.vertices * across, found.scan.mesh.faces[:, ::-1])
+    scan = Scan(mesh, settings.registration, asked.seed)
+    best = search(scan, design.surface, matching, settings.registration, thorough=False).best
+    return fit(mesh, design.surface, best.T_design_scan, found.registration.inlier_distance_mm).truncated_rms_mm
 
 
-def symmetries(registration: Registration, surface: Surface) -> tuple[bool, ...]:
-    """For each rival whether the design is the same when moved from the best pose to it.
+def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found, tuple[bool, ...]]:
+    """The rivals, those added that the design's own symmetries make of the best pose; for each whether it is one."""
+    registration, images = found.registration, design.images
+    best, rivals, inlier = registration.best, registration.rivals, registration.inlier_distance_mm
+    back = rigid.inverse(best.T_design_scan)
+    symmetric = tuple(images.contains(rival.T_design_scan @ back) for rival in rivals)
+    missing = [T @ best.T_design_scan for T in images.others]
+    missing = [T for T in missing if not any(images.same(T, rival.T_design_scan) for rival in rivals)]
+    if not missing:
+        return found, symmetric
+    every = Scan(found.scan.mesh, asked.settings.registration, asked.seed).every
 
-    The motion between two poses of a noisy scan is only nearly a symmetry, so it is refined on the design itself first.
-    """
-    design = surface.mesh
-    samples = sampling.on_surface(design, SYMMETRY_POINTS, 0)
-    back = rigid.inverse(registration.best.T_design_scan)
-    return tuple(
-        _is_symmetry(rival.T_design_scan @ back, samples.points, samples.normals, surface)
-        for rival in registration.rivals
-    )
+    def placed(T: FloatArray) -> Pose:
+        left = every.left(T, design.surface, inlier)
+        return replace(best, T_design_scan=T, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, score_mm2=left.cost_mm2)
 
-
-def _is_symmetry(T: FloatArray, points: FloatArray, normals: FloatArray, surface: Surface) -> bool:
-    diagonal = surface.mesh.diagonal_mm
-    few = slice(None, None, len(points) // SYMMETRY_ICP_POINTS)
-    weights = np.full(len(points[few]), 1.0 / len(points[few]))
-    done = icp.refine(
-        *(points[few], normals[few], weights, surface, T),
-        max_distance_mm=0.02 * diagonal,
-        max_iterations=30,
-        tolerance_mm=1e-6 * diagonal,
-    ).T_target_source
-    if rigid.rms_displacement(done, T, points) > SAME_POSE_SHARE * diagonal:
-        return False
-    distance = surface.closest(rigid.transformed(done, points)).distance
-    near = float(np.sqrt((distance**2).mean())) <= SYMMETRY_RMS_SHARE * diagonal
-    return near and float(distance.max()) <= SYMMETRY_MAX_SHARE * diagonal
+    added = tuple(placed(T) for T in missing)
+    registration = replace(registration, rivals=(*rivals, *added))
+    return replace(found, registration=registration), (*symmetric, *(True for _ in added))
 
 
-def _described(analysis: Analysis, length_mm: float, settings: Settings) -> Side:
-    side = Side(analysis.resampled.mesh, analysis.landmarks)
-    return replace(side, descriptors=side.described(length_mm, settings.matching))
+def _match(design: Design, scan: Side, asked: Asked) -> Matching:
+    length_mm = design.scales.matching_mm(asked.settings)
+    return match(design.side, scan, length_mm, asked.settings.matching, asked.seed)

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.kernels import rigid
-from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
+from pipeline.mesh import FloatArray
 from pipeline.outcome import (
     Alternative,
     FreeMotion,
@@ -30,7 +29,7 @@ from pipeline.stages.clean import Cleaned
 from pipeline.stages.landmarks import LandmarkSet
 from pipeline.stages.load import Loaded
 from pipeline.stages.matching import Matching
-from pipeline.stages.registration import Registration, fit
+from pipeline.stages.registration import Registration
 
 _LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh")
 
@@ -54,17 +53,15 @@ def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded, unit_fact
     )
 
 
-def alternatives(
-    registration: Registration, symmetric: tuple[bool, ...], scan: Mesh, design: Surface, *, rejected: bool
-) -> list[Alternative]:
-    """The other poses refined to the end, best first; without a pose to stand by also the best, which was rejected."""
+def alternatives(registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool) -> list[Alternative]:
+    """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was rejected."""
     poses = [*([(registration.best, False)] if rejected else []), *zip(registration.rivals, symmetric, strict=True)]
-    best = registration.best.cost_mm2
+    best = registration.best.score_mm2
     return [
         Alternative(
             matrix=pose.T_design_scan.tolist(),
-            score=pose.cost_mm2 / best if best > 0 else 1.0,
-            rmse_mm=fit(scan, design, pose.T_design_scan, registration.inlier_distance_mm).rmse_mm,
+            score=pose.score_mm2 / best if best > 0 else 1.0,
+            rmse_mm=pose.rmse_mm,
             symmetry_of_design=is_symmetry,
         )
         for pose, is_symmetry in poses

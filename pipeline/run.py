@@ -8,8 +8,9 @@ from pathlib import Path
 from pipeline import decision_graph, doubts, palette, records
 from pipeline import watch as shares
 from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record, write_analysis
+from pipeline.design import known as design_of
 from pipeline.door import MeshFile
-from pipeline.kernels.surface import Surface
+from pipeline.doubts import Asked
 from pipeline.outcome import (
     Inputs,
     Landmarks,
@@ -45,25 +46,26 @@ def run_registration(
     loaded_design, clean_design = read(design_file, "design", settings, watch, needs_surface=True)
     loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
 
-    scales = Scales.of(clean_design.mesh, settings)
-    design = analyse(clean_design.mesh, "design", scales, settings, watch, seed)
-    scan = analyse(clean_scan.mesh, "scan", scales, settings, watch, seed)
+    known = design_of(clean_design.mesh, settings, watch, seed)
+    design = known.analysis
+    scan = analyse(clean_scan.mesh, "scan", known.scales, settings, watch, seed)
 
-    surface = Surface(design.mesh)
-    diagonal = design.mesh.diagonal_mm
-    certain_mm = doubts.limit_mm(diagonal, tolerance_mm, settings.registration)
-    with watch.stage(Stage.MATCHING):
-        sides, matching = doubts.matched(design, scan, scales, settings, seed)
+    asked = Asked(settings, seed, tolerance_mm)
+    with watch.stage(Stage.MATCHING, "scan"):
+        side, matching = doubts.matched(scan, known, asked)
     with watch.stage(Stage.REGISTRATION):
-        found = doubts.registered(scan, sides, matching, surface, settings, seed, certain_mm)
-        found, doubted = doubts.examined(found, design, surface, scales, settings, seed, certain_mm)
+        found = doubts.registered(scan, side, matching, known, asked)
+        found, doubted = doubts.examined(found, known, asked)
         scan, matching, registration = found.scan, found.matching, found.registration
-        case = Case(registration, matching, doubted, diagonal, certain_mm)
+        marked = len(scan.landmarks.vertex)
+        case = Case(registration, matching, doubted, marked, known.diagonal_mm, asked.certain_mm(known))
         verdict = judge(case, settings.registration)
     posed = verdict.status in POSED
     with watch.stage(Stage.DEVIATION):
         segment_of_face = design.segmentation.labels[design.resampled.working_of_clean[design.mesh.faces[:, 0]]]
-        measured = deviation(scan.mesh, surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation)
+        measured = deviation(
+            scan.mesh, known.surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation
+        )
 
     T_design_scan = registration.best.T_design_scan
     landmarks = Landmarks(
@@ -89,7 +91,7 @@ def run_registration(
     result = RegistrationResult(
         verdict=verdict,
         transform=records.transform(T_design_scan, loaded_design, loaded_scan, doubted.unit_factor) if posed else None,
-        alternatives=records.alternatives(registration, doubted.symmetric, scan.mesh, surface, rejected=not posed),
+        alternatives=records.alternatives(registration, doubted.symmetric, rejected=not posed),
         metrics=records.metrics(registration, found=posed),
         landmarks=landmarks,
         segments=SegmentsPair(design=segments_record(design, settings), scan=segments_record(scan, settings)),

@@ -5,14 +5,22 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipeline.doubts import LOOSE, UNIT_FACTORS, Doubts
+from pipeline.mesh import FloatArray
 from pipeline.outcome import Finding, Verdict, VerdictStatus
 from pipeline.settings import RegistrationSettings
 from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
 RIVAL_NOTE = 2.0  # a second pose with a cost below this many times the best is worth a finding
+LOOSE_MARGIN = 2.0  # a rough fit says less: a sixth of an arch lay 0.85 % off in the wrong place, the right one 1.06 %
 WEAK_EIGENVALUE = 1e-3
+MOST_MARGIN = 2.0
+
+#: Intercept and a weight for each of `evidence`, from `tests/accuracy/confidence.py`.
+CONFIDENCE = np.array([0.74, 1.26, -1.89, 1.5, 0.25, 0.39])
 
 #: With these there is a pose to stand by, as far as the status says.
 POSED: frozenset[VerdictStatus] = frozenset({"ok", "units_suspect", "under_constrained", "ambiguous"})
@@ -20,11 +28,12 @@ POSED: frozenset[VerdictStatus] = frozenset({"ok", "units_suspect", "under_const
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a verdict is about. certain_mm : how uncertain a motion may be (one sigma)"""
+    """What a verdict is about. landmarks : of the scan; certain_mm : how uncertain a motion may be (one sigma)"""
 
     registration: Registration
     matching: Matching
     doubts: Doubts
+    landmarks: int
     diagonal_mm: float
     certain_mm: float
 
@@ -36,10 +45,10 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     mirrored : the reflected scan leaves less than `mirror_gain` of the residual, and fits;
     no_match : too little of the scan lies on the design (`min_fitness`), or too far off it (`max_residual_share`);
     under_constrained : a motion of the scan is less certain than the tolerance, or `free_motion_share` of the diagonal;
-    ambiguous : another pose, no symmetry of the design, costs less than `rival_margin` times the best.
+    ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best; less than
+    `LOOSE_MARGIN` times where the best itself fits loosely.
 
-    confidence = fitness x (1 - residual / limit) x (1 - best cost / cost of the next pose that is no symmetry): a
-    heuristic, not a calibrated probability; 0 without a pose.
+    confidence : the probability that the pose is right, by `evidence` and `CONFIDENCE`; 0 without a pose.
     """
     findings = _misfit(case, settings)
     matched = not findings
@@ -55,16 +64,39 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         status = "no_match"
     elif case.registration.observability.free:
         status = "under_constrained"
-    elif _margin(case) < 1.0 - 1.0 / settings.rival_margin:
+    elif _margin(case) < 1.0 - 1.0 / (LOOSE_MARGIN if _is_loose(case, settings) else settings.rival_margin):
         status = "ambiguous"
     if matched:
         findings += _looseness(case, settings)
     findings += [*_free(case), *_rivals(case), *_weakness(case)]
-    limit_mm = settings.max_residual_share * case.diagonal_mm
-    fit = case.registration.fit
-    closeness = max(0.0, 1.0 - fit.truncated_rms_mm / limit_mm)
-    confidence = min(1.0, fit.fitness * closeness * _margin(case)) if status in POSED else 0.0
+    confidence = probability(CONFIDENCE, evidence(case, settings)) if status in POSED else 0.0
     return Verdict(status=status, confidence=confidence, findings=findings)
+
+
+def evidence(case: Case, settings: RegistrationSettings) -> FloatArray:
+    """(5,) what speaks for the best pose, whatever the status.
+
+    log(score of the next pose that is no symmetry / best), at most 2 and 2 without one; residual over its limit, at most 3;
+    fitness; log10 of the design's coverage, at least -3; share of the scan's landmarks that are matched.
+    """
+    registration = case.registration
+    others, best = _others(case), registration.best.score_mm2
+    margin = float(np.log(max(others[0], 1e-300) / max(best, 1e-300))) if others else MOST_MARGIN
+    limit_mm = settings.max_residual_share * case.diagonal_mm
+    return np.array(
+        [
+            min(max(margin, 0.0), MOST_MARGIN),
+            min(registration.fit.truncated_rms_mm / limit_mm, 3.0),
+            registration.fit.fitness,
+            np.log10(max(registration.design_coverage, 1e-3)),
+            len(case.matching.scan) / max(1, case.landmarks),
+        ]
+    )
+
+
+def probability(weights: FloatArray, evidence: FloatArray) -> float:
+    """Logistic: weights[0] is the intercept."""
+    return float(1.0 / (1.0 + np.exp(-(weights[0] + weights[1:] @ evidence))))
 
 
 def _misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
@@ -109,14 +141,18 @@ def _mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
 
 
 def _looseness(case: Case, settings: RegistrationSettings) -> list[Finding]:
-    rms_mm = case.registration.fit.truncated_rms_mm
-    if rms_mm <= LOOSE * settings.max_residual_share * case.diagonal_mm:
+    if not _is_loose(case, settings):
         return []
+    rms_mm = case.registration.fit.truncated_rms_mm
     detail = (
         f"the scan is {rms_mm:.3g} mm off the design (RMS), more than a good scanner and printer leave: a rough scan, or a "
         "similar part; look at the aligned meshes"
     )
     return [Finding(code="loose_fit", detail=detail, value=rms_mm)]
+
+
+def _is_loose(case: Case, settings: RegistrationSettings) -> bool:
+    return case.registration.fit.truncated_rms_mm > LOOSE * settings.max_residual_share * case.diagonal_mm
 
 
 def _free(case: Case) -> list[Finding]:
@@ -139,7 +175,7 @@ def _rivals(case: Case) -> list[Finding]:
             f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
         )
         findings.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
-    best, others = case.registration.best.cost_mm2, _others(case)
+    best, others = case.registration.best.score_mm2, _others(case)
     if others and others[0] < RIVAL_NOTE * best:
         detail = "another pose, no symmetry of the design, fits almost as well; see alternatives"
         findings.append(Finding(code="rival_pose", detail=detail, value=others[0] / best if best > 0 else None))
@@ -166,7 +202,7 @@ def _weakness(case: Case) -> list[Finding]:
 def _others(case: Case) -> list[float]:
     """Costs of the poses that are no symmetry of the design, lowest first."""
     rivals = zip(case.registration.rivals, case.doubts.symmetric, strict=True)
-    return sorted(rival.cost_mm2 for rival, symmetric in rivals if not symmetric)
+    return sorted(rival.score_mm2 for rival, symmetric in rivals if not symmetric)
 
 
 def _margin(case: Case) -> float:
@@ -174,4 +210,4 @@ def _margin(case: Case) -> float:
     others = _others(case)
     if not others:
         return 1.0
-    return max(0.0, 1.0 - case.registration.best.cost_mm2 / others[0]) if others[0] > 0 else 0.0
+    return max(0.0, 1.0 - case.registration.best.score_mm2 / others[0]) if others[0] > 0 else 0.0

@@ -1,5 +1,6 @@
-"""What pymeshlab does for us, array in, array out: repair, isotropic remeshing, decimation."""
+"""What pymeshlab and fast_simplification do for us, array in, array out: repair, isotropic remeshing, decimation."""
 
+import fast_simplification
 import numpy as np
 import pymeshlab
 from pymeshlab import PyMeshLabException as PyMeshLabException
@@ -10,7 +11,10 @@ FILTERS = (
     "meshing_repair_non_manifold_edges",
     "meshing_re_orient_faces_coherently",
     "meshing_isotropic_explicit_remeshing",
-    "meshing_decimation_quadric_edge_collapse",
+)
+
+CAREFUL = (
+    3  # of fast_simplification's 0 to 10: at 5 a scan of a million triangles came out with edges of three triangles
 )
 
 
@@ -53,12 +57,11 @@ def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
 
 
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:
-    """At most about `n_faces` triangles, by quadric edge collapse; borders are kept."""
-    meshes = _meshset(mesh)
-    meshes.meshing_decimation_quadric_edge_collapse(
-        targetfacenum=n_faces, preserveboundary=True, preservenormal=True, qualitythr=0.5
+    """At most about `n_faces` triangles, by quadric edge collapse (Forstmann's, ten times faster than pymeshlab's)."""
+    vertices, faces = fast_simplification.simplify(
+        np.array(mesh.vertices), np.array(mesh.faces), target_count=n_faces, agg=CAREFUL
     )
-    return _current(meshes)
+    return Mesh(vertices, faces)
 
 
 def _meshset(mesh: Mesh, scalar: FloatArray | None = None) -> pymeshlab.MeshSet:

@@ -8,6 +8,7 @@ distance computation using the angle weighted pseudonormal" (2005): right at edg
 
 import os
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import open3d as o3d
@@ -29,7 +30,7 @@ class Closest:
     normal: FloatArray
 
 
-MANY_POINTS = 20_000  # from here on threads are worth their start
+MANY_POINTS = 1_000  # from here on threads are worth their start
 
 
 class Surface:
@@ -46,7 +47,10 @@ class Surface:
         )
         cross = mesh.face_cross_mm2()
         self.face_normals: FloatArray = cross / np.linalg.norm(cross, axis=1, keepdims=True)
-        self._edges = topology.edges(mesh.faces)
+
+    @cached_property
+    def _edges(self) -> topology.Edges:
+        return topology.edges(self.mesh.faces)
 
     def closest(self, points: FloatArray) -> Closest:
         """points : (k, 3)."""
@@ -63,6 +67,12 @@ class Surface:
         """(k,) `found.distance`, negative where the point lies behind the surface (inside a closed one)."""
         side = np.einsum("kd,kd->k", points - found.point, self._pseudonormal(found))
         return np.where(side < 0, -found.distance, found.distance)
+
+    def blocks(self, starts: FloatArray, directions: FloatArray) -> BoolArray:
+        """(k,) whether a ray from `starts` (k, 3) along `directions` (k, 3) meets the surface."""
+        rays = o3d.core.Tensor(np.concatenate([starts - self._centre, directions], axis=1).astype(np.float32))
+        threads = 1 if len(starts) < MANY_POINTS else len(os.sched_getaffinity(0))
+        return np.asarray(self._scene.test_occlusions(rays, nthreads=threads).numpy(), dtype=np.bool_)
 
     def on_open_border(self, found: Closest) -> BoolArray:
         """(k,) whether the closest point lies on an edge that has one triangle only."""

@@ -48,5 +48,5 @@ def vertex_components(faces: IntArray, n: int) -> IntArray:
 def is_coherent(faces: IntArray) -> bool:
     """Whether no directed edge occurs twice: neighbours agree on which side is out."""
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    keys = directed[:, 0] * (int(directed.max(initial=0)) + 1) + directed[:, 1]
-    return len(np.unique(keys)) == len(keys)
+    keys = np.sort(directed[:, 0] * (int(directed.max(initial=0)) + 1) + directed[:, 1])
+    return not bool((keys[1:] == keys[:-1]).any())

@@ -45,7 +45,9 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
         return _cleaned_cloud(mesh, name, first, report)
     vertices = mesh.vertices[first]
     faces = merged_of_old[mesh.faces].astype(np.int32)
-    faces, report["welded_vertices"] = _welded(Mesh(vertices, faces), settings.weld_share * mesh.diagonal_mm)
+    edges = _EdgesOf()
+    weld_mm = settings.weld_share * mesh.diagonal_mm
+    faces, report["welded_vertices"] = _welded(vertices, faces, edges.of(faces), weld_mm)
 
     faces, report["degenerate_faces"] = _keep(faces, ~_degenerate(Mesh(vertices, faces)))
     faces, report["duplicate_faces"] = _keep(faces, _first_of_each(np.sort(faces, axis=1)))
@@ -56,13 +58,13 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
         )
     old_of_new = first
     report["non_manifold_faces"] = 0
-    if settings.repair_non_manifold and (topology.edges(faces).count > 2).any():
+    if settings.repair_non_manifold and (edges.of(faces).count > 2).any():
         before = len(faces)
         faces, kept = remesh.repair_non_manifold_edges(Mesh(vertices, faces))
         vertices, old_of_new = vertices[kept], old_of_new[kept]
         report["non_manifold_faces"] = before - len(faces)
     faces, report["small_components"] = _drop_small_components(Mesh(vertices, faces), settings.min_component_share)
-    vertices, faces, old_of_new, report["turned_faces"] = _oriented(vertices, faces, old_of_new)
+    vertices, faces, old_of_new, report["turned_faces"] = _oriented(vertices, faces, old_of_new, edges)
 
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[faces.ravel()] = True
@@ -82,22 +84,35 @@ def _cleaned_cloud(mesh: Mesh, name: str, first: IndexArray, report: dict[str, i
     return Cleaned(Mesh(mesh.vertices[first]), first, report | {"vertices": len(first), "faces": 0})
 
 
-def _welded(mesh: Mesh, tolerance_mm: float) -> tuple[IntArray, int]:
+class _EdgesOf:
+    """The edges of the faces asked for last: of a million triangles they take most of the cleaning, and seldom change."""
+
+    def __init__(self) -> None:
+        self._faces = np.zeros((0, 3), dtype=np.int32)
+        self._edges = topology.edges(self._faces)
+
+    def of(self, faces: IntArray) -> topology.Edges:
+        if not np.array_equal(faces, self._faces):
+            self._faces, self._edges = faces, topology.edges(faces)
+        return self._edges
+
+
+def _welded(vertices: FloatArray, faces: IntArray, edges: topology.Edges, tolerance_mm: float) -> tuple[IntArray, int]:
     """Close cracks: border vertices within `tolerance_mm` become one, the first of them.
 
     Exporters that round each triangle on its own leave corners that differ in the last bit; such a closed part
     would count as open everywhere.
     """
-    border = np.flatnonzero(topology.border_vertices(mesh.faces, len(mesh.vertices)))
+    border = np.unique(edges.ends[edges.count == 1])
     if tolerance_mm == 0 or border.size == 0:
-        return mesh.faces, 0
-    pairs = cKDTree(mesh.vertices[border]).query_pairs(tolerance_mm, output_type="ndarray")
+        return faces, 0
+    pairs = cKDTree(vertices[border]).query_pairs(tolerance_mm, output_type="ndarray")
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(border.size, border.size))
     group = csgraph.connected_components(graph, directed=False)[1]
     first = border[np.unique(group, return_index=True)[1]]
-    new_of_old = np.arange(len(mesh.vertices))
+    new_of_old = np.arange(len(vertices))
     new_of_old[border] = first[group]
-    return new_of_old[mesh.faces].astype(np.int32), int((new_of_old[border] != border).sum())
+    return new_of_old[faces].astype(np.int32), int((new_of_old[border] != border).sum())
 
 
 def _keep(faces: IntArray, keep: BoolArray) -> tuple[IntArray, int]:
@@ -128,7 +143,7 @@ def _drop_small_components(mesh: Mesh, min_share: float) -> tuple[IntArray, int]
 
 
 def _oriented(
-    vertices: FloatArray, faces: IntArray, old_of_new: IndexArray
+    vertices: FloatArray, faces: IntArray, old_of_new: IndexArray, edges: _EdgesOf
 ) -> tuple[FloatArray, IntArray, IndexArray, int]:
     """Neighbours agree on the outside, and closed pieces have it outside (positive volume)."""
     before = faces
@@ -136,19 +151,19 @@ def _oriented(
         faces, kept = remesh.orient_coherently(Mesh(vertices, faces))
         vertices, old_of_new = vertices[kept], old_of_new[kept]
     turned = int((before != faces).any(axis=1).sum()) if len(before) == len(faces) else len(faces)
-    inside_out = _inside_out_faces(Mesh(vertices, faces))
+    inside_out = _inside_out_faces(Mesh(vertices, faces), edges)
     faces = np.where(inside_out[:, None], faces[:, ::-1], faces).astype(np.int32)
     return vertices, faces, old_of_new, turned + int(inside_out.sum())
 
 
-def _inside_out_faces(mesh: Mesh) -> BoolArray:
+def _inside_out_faces(mesh: Mesh, edges: _EdgesOf) -> BoolArray:
     """(m,) faces of a closed, single-piece mesh whose signed volume is negative.
 
     Only then is the answer certain: an inner shell of a hollow part rightly points inwards, and an open
     surface has no volume.
     """
     single = topology.vertex_components(mesh.faces, len(mesh.vertices))[mesh.faces.ravel()].max() == 0
-    closed = bool((topology.edges(mesh.faces).count == 2).all())
+    closed = bool((edges.of(mesh.faces).count == 2).all())
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[0] for k in range(3))
     negative = float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0
     return np.full(len(mesh.faces), single and closed and negative, dtype=np.bool_)

@@ -89,6 +89,7 @@ def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings
     samples = sampling.on_surface(design.mesh, DESIGN_SAMPLES, seed)
     probes = sampling.on_surface(scan.mesh, settings.sample_points, seed + 1)
     few = slice(None, None, max(1, len(probes.points) // COARSE_POINTS))
+    fewer = slice(None, None, 4 * few.step)
     target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
     corners = _corners(scan.mesh)
 
@@ -110,8 +111,12 @@ def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings
 
     pool = _candidates(design, scan, samples.points, probes.points, length_mm, settings)
     grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
-    cost = grid.costs(pool.T, pool.facing, probes.points[few], probes.normals[few], COARSE_SHARE * diagonal)
-    pool = best_distinct(pool, cost, settings.max_hypotheses)
+
+    def judged(pool: Pool, points: slice) -> FloatArray:
+        return grid.costs(pool.T, pool.facing, probes.points[points], probes.normals[points], COARSE_SHARE * diagonal)
+
+    pool = pool.take(np.sort(np.argsort(judged(pool, fewer), kind="stable")[: 2 * MAX_RANKED]))
+    pool = best_distinct(pool, judged(pool, few), settings.max_hypotheses)
     pool, cost = refined(pool, few, COARSE_SHARE, 8)
     pool = best_distinct(pool, cost, FINALISTS)
     pool, _ = refined(pool, slice(None), 2 * FINE_SHARE, 6)

@@ -1,0 +1,231 @@
+"""From seeds to the pose: short ICPs on few points, then what each pose leaves, hides and fails to cover, then ICP to the end.
+
+The score of a pose is the mean squared distance of the scan to the design, truncated at the inlier distance; to it comes
+what distances cannot say: the share of the scan that the design would have hidden from every scanner, and the share of the
+design that the scan shows under another pose and not under this one. Both count as that share lying off the design.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.nearest import nearest
+from pipeline.kernels.surface import Surface
+from pipeline.kernels.visibility import Views
+from pipeline.mesh import FloatArray, Mesh
+from pipeline.settings import RegistrationSettings
+from pipeline.stages.matching import Matching
+
+MAX_RIVALS = 7
+RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
+TRIAL_POINTS = 2_000
+TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
+HOPELESS = 1.3  # times the residual limit after the trials: not this part
+CLOSE_RIVALS = 2
+CLOSE_SCORE = 1.3  # a rival below this many times the best's score is refined on all points too
+APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
+TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
+COVERAGE_POINTS = 10_000
+VIEWED_POINTS = 500
+ALIKE = 0.03  # shares of the scan or the design that differ by less between two poses speak for neither
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """T_design_scan; cost_mm2, rmse_mm : as in `Left`; hidden_share, coverage : of the scan, what the design hides; of the
+    design, what the scan shows; score_mm2 : cost and what these two add, beside the other poses
+    """
+
+    T_design_scan: FloatArray
+    cost_mm2: float
+    rmse_mm: float
+    converged: bool
+    iterations: int
+    hidden_share: float = 0.0
+    coverage: float = 1.0
+    score_mm2: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ScanPoints:
+    """points : (k, 3), each for the same share of the scan; normals : (k, 3), None for a cloud; weights : (k,) sum 1"""
+
+    points: FloatArray
+    normals: FloatArray | None
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, scan: Mesh, count: int, seed: int) -> "ScanPoints":
+        """A cloud has no normals to compare."""
+        if scan.is_cloud:
+            chosen = np.sort(np.random.default_rng(seed).permutation(len(scan.vertices))[:count])
+            return cls(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)))
+        samples = sampling.on_surface(scan, count, seed)
+        return cls(samples.points, samples.normals, np.full(count, 1.0 / count))
+
+    def left(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> "Left":
+        distance = design.closest(rigid.transformed(T_design_scan, self.points)).distance
+        cost_mm2 = float(self.weights @ np.minimum(distance, inlier_distance_mm) ** 2)
+        return Left(cost_mm2, float(np.sqrt(self.weights @ distance**2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What a pose leaves: cost_mm2 : mean squared distance, truncated at the inlier distance; rmse_mm : RMS distance"""
+
+    cost_mm2: float
+    rmse_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Seed:
+    """Where an ICP starts; source : `landmarks`, `dense` or `axes`"""
+
+    T_design_scan: FloatArray
+    facing: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """best : the final pose; rivals : other distinct poses, by score; seed : where the best came from"""
+
+    best: Pose
+    rivals: tuple[Pose, ...]
+    seed: str
+
+
+class Scan:
+    """The scan as the search asks it: few points, many points, views, and what it shows of a design."""
+
+    def __init__(self, mesh: Mesh, settings: RegistrationSettings, seed: int) -> None:
+        self.mesh = mesh
+        self.every = ScanPoints.of(mesh, settings.sample_points, seed)
+        self.few = ScanPoints.of(mesh, TRIAL_POINTS, seed)
+        self._surface = None if mesh.is_cloud else Surface(mesh)
+        self._seed = seed
+
+    def views(self, facing: float) -> Views | None:
+        """None of a cloud, which has no outer side."""
+        if self.few.normals is None:
+            return None
+        some = slice(None, None, max(1, len(self.few.points) // VIEWED_POINTS))
+        return Views.of(self.few.points[some], facing * self.few.normals[some])
+
+    def coverage(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> float:
+        """Share of the design within the inlier distance of the scan."""
+        samples = sampling.on_surface(design.mesh, COVERAGE_POINTS, self._seed).points
+        in_scan = rigid.transformed(rigid.inverse(T_design_scan), samples)
+        if self._surface is None:
+            distance, _ = nearest(self.mesh.vertices, in_scan)
+        else:
+            distance = self._surface.closest(in_scan).distance
+        return float(np.mean(distance <= inlier_distance_mm))
+
+
+def search(
+    scan: Scan, design: Surface, matching: Matching, settings: RegistrationSettings, *, thorough: bool = True
+) -> Searched:
+    """Landmarks seed, ICP refines (point to plane on the exact surface), the lowest score is the pose.
+
+    thorough : False stops at the trials on few points; so does a scan that after them lies far off everywhere, where ICP
+    would wander on without ever converging.
+
+    The seed is the fit of the matched landmarks when it lies at least as well as the best hypothesis, else that.
+    """
+    diagonal = design.mesh.diagonal_mm
+    inlier = settings.inlier_share * diagonal
+
+    def refined(T: FloatArray, facing: float, points: ScanPoints, max_iterations: int) -> Pose:
+        done = icp.refine(
+            points.points,
+            None if points.normals is None else facing * points.normals,
+            points.weights,
+            design,
+            T,
+            max_distance_mm=inlier,
+            max_iterations=max_iterations,
+            tolerance_mm=TOLERANCE_SHARE * diagonal,
+        )
+        T = done.T_target_source
+        left = points.left(T, design, inlier)
+        return Pose(T, left.cost_mm2, left.rmse_mm, done.converged, done.iterations)
+
+    def trial(seed: Seed) -> Pose:
+        return refined(seed.T_design_scan, seed.facing, scan.few, min(settings.max_iterations, TRIAL_ITERATIONS))
+
+    def examined(pose: Pose, facing: float) -> Pose:
+        """On all points what it leaves, and what else speaks for it or against."""
+        T, views = pose.T_design_scan, scan.views(facing)
+        left = scan.every.left(T, design, inlier)
+        hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
+        coverage = scan.coverage(T, design, inlier)
+        return replace(pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage)
+
+    seeds = _seeds(matching, scan.few, design, inlier)
+    # sorted() is stable: of equally good ones the earlier hypothesis comes first
+    tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
+    tried = _apart(tried, scan.few.points, APART_SHARE * diagonal)
+    hopeless = tried[0][0].cost_mm2 > (HOPELESS * settings.max_residual_share * diagonal) ** 2
+    facings = [seed.facing for _, seed in tried]
+    sources = [seed.source for _, seed in tried]
+    poses = scored(
+        [examined(pose, facing) for pose, facing in zip((pose for pose, _ in tried), facings, strict=True)], inlier
+    )
+    turns = 1 + CLOSE_RIVALS if thorough and not hopeless else 0
+    finished: set[int] = set()
+    while turns:  # refined on all points, the order may turn: until the best is finished, and those near it
+        best, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
+        close = [number for number in others if poses[number].score_mm2 < CLOSE_SCORE * poses[best].score_mm2]
+        unfinished = [number for number in (best, *close) if number not in finished]
+        if not unfinished:
+            break
+        number, turns = unfinished[0], turns - 1
+        pose = refined(poses[number].T_design_scan, facings[number], scan.every, settings.max_iterations)
+        finished.add(number)
+        poses[number] = examined(pose, facings[number])
+        poses = scored(poses, inlier)
+    best, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
+
+    def apart(number: int) -> bool:
+        """Refined on all points, a rival may have come to the best."""
+        moved = rigid.rms_displacement(poses[number].T_design_scan, poses[best].T_design_scan, scan.few.points)
+        return moved > APART_SHARE * diagonal
+
+    return Searched(poses[best], tuple(poses[number] for number in others if apart(number)), sources[best])
+
+
+def scored(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
+    """What each hides more, and covers less, than the best of them in that, counts as lying at the inlier distance."""
+    least_hidden = min(pose.hidden_share for pose in poses)
+    most_covered = max(pose.coverage for pose in poses)
+
+    def score_mm2(pose: Pose) -> float:
+        hidden = max(0.0, pose.hidden_share - least_hidden - ALIKE)
+        uncovered = max(0.0, most_covered - pose.coverage - ALIKE)
+        return pose.cost_mm2 + (hidden + uncovered) * inlier_distance_mm**2
+
+    return [replace(pose, score_mm2=score_mm2(pose)) for pose in poses]
+
+
+def _apart(tried: list[tuple[Pose, Seed]], points: FloatArray, apart_mm: float) -> list[tuple[Pose, Seed]]:
+    """Of poses that came to be one, the first."""
+    kept: list[tuple[Pose, Seed]] = []
+    for pose, seed in tried:
+        if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each, _ in kept):
+            kept.append((pose, seed))
+    return kept
+
+
+def _seeds(matching: Matching, points: ScanPoints, design: Surface, inlier_distance_mm: float) -> list[Seed]:
+    """The fit of the matched landmarks, or the best hypothesis where that lies clearly better; then its rivals."""
+    first, *others = matching.hypotheses
+    seeds = [Seed(first.T_design_scan, first.facing, first.source)]
+    if matching.T_landmarks is not None:
+        by_landmarks = points.left(matching.T_landmarks, design, inlier_distance_mm).cost_mm2
+        if by_landmarks <= 2 * points.left(first.T_design_scan, design, inlier_distance_mm).cost_mm2:
+            seeds = [Seed(matching.T_landmarks, first.facing, "landmarks")]
+    worst = RIVAL_COST * max(first.cost_mm2, 1e-12 * design.mesh.diagonal_mm**2)
+    seeds += [Seed(rival.T_design_scan, rival.facing, rival.source) for rival in others if rival.cost_mm2 <= worst]
+    return seeds[: 1 + MAX_RIVALS]
