@@ -1,11 +1,16 @@
 """Under which motions a design is its own image, found by registering it to itself.
 
-Every pose of a scan of such a design has equals: as right, and no reason to call the pose ambiguous.
+Every pose of a scan of such a design has equals: as right, and no reason to call the pose ambiguous. An axis of symmetry is a
+principal axis, or lies in the plane of two that are equal: turns about those are tried, and what matching the design to itself
+finds, which covers parts as round as a cube.
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.nearest_grid import NearestGrid
 from pipeline.kernels.surface import Surface
 from pipeline.mesh import FloatArray
 from pipeline.settings import MatchingSettings
@@ -16,7 +21,12 @@ MAX_SHARE = 0.003  # and nowhere farther off than this: a hole in another place 
 NEAR_SHARE = 0.003  # of the diagonal: a hypothesis that leaves more after its short ICP is none
 SAME_POSE_SHARE = 0.02
 LARGEST_GROUP = 24  # of n-fold parts; a body of revolution has no end
-POINTS, ICP_POINTS = 10_000, 1_500
+POINTS, ICP_POINTS, FEW_POINTS = 10_000, 1_500, 300
+LARGEST_FOLD = 12
+EQUAL_AXES = 0.05  # of the largest variance: nearer ones may be equal
+HALF_TURNS_DEG = 5.0  # apart: within the reach of an ICP
+COARSE_SHARE, REFINE_SHARE = 0.04, 0.02  # of the diagonal: truncation of the quick judgement, and of the short ICP
+TRIED = 16
 
 
 class SelfImages:
@@ -32,9 +42,11 @@ class SelfImages:
     def of(
         cls, surface: Surface, design: Side, length_mm: float, settings: MatchingSettings, seed: int
     ) -> "SelfImages":
-        """Hypotheses from matching the design to itself, each refined and tested; products of two are motions of it too."""
+        """Turns and hypotheses, each refined and tested; products of two are motions of it too."""
         images = cls(surface)
         near = (NEAR_SHARE * images._diagonal) ** 2
+        for T in images._promising_turns(near):
+            images._add(T)
         for hypothesis in match(design, design, length_mm, settings, seed).hypotheses:
             if hypothesis.cost_mm2 <= near:
                 images._add(hypothesis.T_design_scan)
@@ -67,6 +79,22 @@ class SelfImages:
         near = float(np.sqrt((distance**2).mean())) <= RMS_SHARE * diagonal
         return done if near and float(distance.max()) <= MAX_SHARE * diagonal else None
 
+    def _promising_turns(self, near_mm2: float) -> list[FloatArray]:
+        """Of all turns about possible axes those that nearly hold, after a short ICP."""
+        samples, diagonal = self._samples, self._diagonal
+        few = slice(None, None, len(samples.points) // FEW_POINTS)
+        points, normals = samples.points[few], samples.normals[few]
+        T = _turns(samples.points)
+        facing = np.ones(len(T))
+        grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
+        cost = grid.costs(T, facing, points, normals, COARSE_SHARE * diagonal)
+        tried = np.argsort(cost, kind="stable")[:TRIED]
+        target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
+        T, cost = icp.refine_many(
+            points, normals, target, T[tried], facing[tried], max_distance_mm=REFINE_SHARE * diagonal, iterations=10
+        )
+        return [rigid.orthonormal(T[k]) for k in np.argsort(cost, kind="stable") if cost[k] <= near_mm2]
+
     def _add(self, T: FloatArray) -> None:
         if len(self.others) >= LARGEST_GROUP or any(self.same(T, each) for each in (np.eye(4), *self.others)):
             return
@@ -77,3 +105,16 @@ class SelfImages:
     def same(self, T: FloatArray, other: FloatArray) -> bool:
         """Whether the two motions put the design nearly in one place."""
         return rigid.rms_displacement(T, other, self._samples.points) <= SAME_POSE_SHARE * self._diagonal
+
+
+def _turns(points: FloatArray) -> FloatArray:
+    """(k, 4, 4) about the centroid of `points`: n-fold turns about principal axes, half turns about axes between equal ones."""
+    centre = points.mean(axis=0)
+    variance, axes = np.linalg.eigh(np.cov(points.T))
+    turns = [2 * np.pi / n * axes[:, k] for k in range(3) for n in range(2, LARGEST_FOLD + 1)]
+    for i, j in ((0, 1), (1, 2), (0, 2)):
+        if variance[j] - variance[i] <= EQUAL_AXES * variance[2]:
+            angles = np.radians(np.arange(HALF_TURNS_DEG, 180.0, HALF_TURNS_DEG))
+            turns += [np.pi * (np.cos(angle) * axes[:, i] + np.sin(angle) * axes[:, j]) for angle in angles]
+    R = Rotation.from_rotvec(np.array(turns)).as_matrix()
+    return rigid.compose(R, centre - R @ centre)

@@ -15,7 +15,9 @@ from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
 RIVAL_NOTE = 2.0  # a second pose with a cost below this many times the best is worth a finding
-LOOSE_MARGIN = 2.0  # a rough fit says less: a sixth of an arch lay 0.85 % off in the wrong place, the right one 1.06 %
+LOOSE_MARGIN = (
+    2.0  # a rough fit says less: a sixth of an arch was `ok` in a wrong place, 0.85 % of the diagonal off, at 1.57
+)
 WEAK_EIGENVALUE = 1e-3
 MOST_MARGIN = 2.0
 

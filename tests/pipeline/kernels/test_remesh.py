@@ -1,0 +1,36 @@
+"""Decimation: the surface stays, its topology stays, and the same input gives the same bytes."""
+
+import numpy as np
+import pytest
+
+from pipeline.kernels import remesh, topology
+from pipeline.kernels.surface import Surface
+from pipeline.mesh import Mesh
+from tests import shapes
+
+
+@pytest.mark.parametrize("part", [shapes.bumpy_blob(6), shapes.torus(20.0, 6.0, 300, 150)], ids=["blob", "torus"])
+def test_about_a_tenth_of_the_triangles_lies_on_the_same_surface(part: Mesh) -> None:
+    few = remesh.decimated(part, len(part.faces) // 10)
+    assert 0.98 * len(part.faces) / 10 <= len(few.faces) <= 2.2 * len(part.faces) / 10
+    edges = topology.edges(few.faces)
+    assert (edges.count == 2).all()
+    assert topology.is_coherent(few.faces)
+    euler = len(few.vertices) - len(edges.ends) + len(few.faces)
+    assert euler == len(part.vertices) - len(topology.edges(part.faces).ends) + len(part.faces)
+    assert Surface(part).closest(few.vertices).distance.max() < 0.002 * part.diagonal_mm
+    assert Surface(few).closest(part.vertices).distance.max() < 0.002 * part.diagonal_mm
+
+
+def test_an_open_border_stays_but_for_its_corners() -> None:
+    plane = shapes.grid_plane(101, 76)
+    few = remesh.decimated(plane, 1000)
+    np.testing.assert_allclose(np.ptp(few.vertices, axis=0), np.ptp(plane.vertices, axis=0), atol=1e-9)
+    assert few.face_areas_mm2().sum() == pytest.approx(plane.face_areas_mm2().sum(), rel=0.005)
+
+
+def test_the_same_input_gives_the_same_bytes() -> None:
+    part = shapes.bumpy_blob(5)
+    first, second = remesh.decimated(part, 3000), remesh.decimated(part, 3000)
+    assert first.vertices.tobytes() == second.vertices.tobytes()
+    assert first.faces.tobytes() == second.faces.tobytes()

@@ -1,0 +1,79 @@
+"""The group of motions under which a design is its own image, by formula."""
+
+import numpy as np
+import pytest
+
+from pipeline.analysis import Scales
+from pipeline.design import known
+from pipeline.kernels import rigid
+from pipeline.mesh import Mesh
+from pipeline.settings import FeaturesSettings, ResampleSettings, Settings
+from pipeline.symmetries import SelfImages
+from pipeline.watch import silent
+from tests import shapes
+from tests.pipeline.test_verdict import cross
+
+QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
+
+
+def images(mesh: Mesh) -> SelfImages:
+    return known(mesh, QUICK, silent(), 0).images
+
+
+@pytest.mark.parametrize("arms", [3, 4])
+def test_equal_lobes_make_a_cyclic_group_wherever_the_part_lies(arms: int) -> None:
+    part = cross(arms)
+    T = shapes.motion(7)
+    found = images(part.moved(T))
+    assert len(found.others) == arms - 1
+    turns = sorted(rigid.angle_deg(each) for each in found.others)
+    np.testing.assert_allclose(turns, sorted(min(k, arms - k) * 360 / arms for k in range(1, arms)), atol=0.1)
+    for each in found.others:  # about the part's own axis: points on it stay
+        on_axis = rigid.transformed(T, np.array([[0.0, 0, -3], [0, 0, 3]]))
+        np.testing.assert_allclose(rigid.transformed(each, on_axis), on_axis, atol=0.05)
+
+
+def test_the_group_is_closed() -> None:
+    found = images(cross(4))
+    assert len(found.others) == 3
+    for first in found.others:
+        for second in found.others:
+            product = first @ second
+            assert found.same(product, np.eye(4)) or any(found.same(product, each) for each in found.others)
+
+
+def test_a_lobe_that_is_higher_ends_the_symmetry() -> None:
+    assert images(cross(4, lift_mm=1.0)).others == ()
+
+
+def test_a_brick_has_its_four_rotations_and_no_reflection() -> None:
+    found = images(shapes.box((10.0, 20.0, 30.0), 3))
+    assert len(found.others) == 3
+    assert all(np.linalg.det(each[:3, :3]) > 0 for each in found.others)
+    assert [round(rigid.angle_deg(each)) for each in found.others] == [180, 180, 180]
+
+
+@pytest.mark.parametrize("sides", [3, 5, 6])
+def test_a_prism_turns_over_too(sides: int) -> None:
+    """n turns about its axis, and n half turns about axes across it, at angles that no principal axis tells."""
+    angle = 2 * np.pi * np.arange(sides) / sides + 0.3
+    ring = np.stack([10 * np.cos(angle), 10 * np.sin(angle)], axis=1)
+    bottom, top = (np.column_stack([ring, np.full(sides, z)]) for z in (-6.0, 6.0))
+    vertices = np.concatenate([bottom, top, [[0, 0, -6.0], [0, 0, 6.0]]])
+    k, after = np.arange(sides), np.roll(np.arange(sides), -1)
+    walls = np.concatenate([np.stack([k, after, after + sides], 1), np.stack([k, after + sides, k + sides], 1)])
+    caps = np.concatenate(
+        [np.stack([after, k, 0 * k + 2 * sides], 1), np.stack([k + sides, after + sides, 0 * k + 2 * sides + 1], 1)]
+    )
+    found = images(Mesh(vertices, np.concatenate([walls, caps])).moved(shapes.motion(2)))
+    assert len(found.others) == 2 * sides - 1
+    half_turns = [each for each in found.others if rigid.angle_deg(each) > 179.9]
+    assert len(half_turns) == sides + (sides % 2 == 0)
+
+
+def test_what_is_known_of_a_design_says_its_scales() -> None:
+    part = shapes.bumpy_blob(4)
+    design = known(part, QUICK, silent(), 0)
+    assert design.scales == Scales.of(part, QUICK)
+    assert design.diagonal_mm == part.diagonal_mm
+    assert design.images.others == ()
