@@ -26,6 +26,7 @@ def register(
     tolerance_mm: float | None = None,
     seed: int = 0,
     out: Path | str | None = None,
+    design_cache: Path | str | None = None,
     on_progress: OnProgress = ignore,
 ) -> RegistrationResult:
     """Find `T_design_scan`, the motion that puts the scan on its design, and say how far it can be trusted.
@@ -36,6 +37,8 @@ def register(
     tolerance_mm : for `deviation.within / above / below`; None leaves them null
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
+    design_cache : file where the analysis of the design is kept for its next scan; made when it is not there, or is of
+        another design, other settings or another version. Results are the same with and without.
     on_progress : called with each `Progress`, in order
 
     Raises
@@ -53,6 +56,7 @@ def register(
         tolerance_mm=tolerance_mm,
         seed=seed,
         out=None if out is None else Path(out),
+        design_cache=None if design_cache is None else Path(design_cache),
         on_progress=on_progress,
     )
 

@@ -41,7 +41,7 @@ class Verdict(Record):
     confidence: float | None = Field(
         ge=0,
         le=1,
-        description="heuristic: closeness of the fit times margin to the next pose that is no symmetry; not calibrated",
+        description="probability that the pose is right, from the evidence for it; 0 without a pose",
     )
     findings: list[Finding]
 
@@ -62,7 +62,7 @@ class Transform(Record):
 
 
 class Alternative(Record):
-    """Another pose that was tried to the end. `score`: truncated cost over the winner's, >= 1 when worse."""
+    """Another pose, or a symmetry of the design. `score`: over the winner's, >= 1; `rmse_mm`: on a sample of the scan."""
 
     matrix: Matrix4
     score: float

@@ -34,15 +34,17 @@ from pipeline.stages.registration import Registration
 _LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh")
 
 
-def transform(T_design_scan: FloatArray, design: Loaded, scan: Loaded, unit_factor: float | None = None) -> Transform:
+def transform(
+    T_design_scan: FloatArray, design_mm_per_unit: float, scan: Loaded, unit_factor: float | None = None
+) -> Transform:
     """unit_factor : of a `units_suspect` scan; `matrix` is of the scan so scaled, `matrix_file_to_file` includes it."""
     R, t = T_design_scan[:3, :3], T_design_scan[:3, 3]
     x, y, z, w = Rotation.from_matrix(R).as_quat()
     quaternion = np.array([w, x, y, z]) * (-1.0 if w < 0 else 1.0)
     # p_design_file = p_design_mm / mm_per_unit(design), p_scan_mm = p_scan_file * mm_per_unit(scan)
     file_to_file = T_design_scan.copy()
-    file_to_file[:3, :3] *= (unit_factor or 1.0) * scan.mm_per_unit / design.mm_per_unit
-    file_to_file[:3, 3] /= design.mm_per_unit
+    file_to_file[:3, :3] *= (unit_factor or 1.0) * scan.mm_per_unit / design_mm_per_unit
+    file_to_file[:3, 3] /= design_mm_per_unit
     return Transform(
         matrix=T_design_scan.tolist(),
         det=float(np.linalg.det(R)),

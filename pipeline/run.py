@@ -8,6 +8,7 @@ from pathlib import Path
 from pipeline import decision_graph, doubts, palette, records
 from pipeline import watch as shares
 from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record, write_analysis
+from pipeline.design import fingerprint, kept_design
 from pipeline.design import known as design_of
 from pipeline.door import MeshFile
 from pipeline.doubts import Asked
@@ -39,14 +40,19 @@ def run_registration(
     tolerance_mm: float | None,
     seed: int,
     out: Path | None,
+    design_cache: Path | None,
     on_progress: OnProgress,
 ) -> RegistrationResult:
     """See `pipeline.register`."""
     watch = Watch(on_progress, shares.REGISTRATION)
-    loaded_design, clean_design = read(design_file, "design", settings, watch, needs_surface=True)
-    loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
-
-    known = design_of(clean_design.mesh, settings, watch, seed)
+    known = None if design_cache is None else kept_design(design_cache, design_file, settings, seed)
+    is_new = known is None
+    if known is None:
+        design_read = read(design_file, "design", settings, watch, needs_surface=True)
+        loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
+        known = design_of(*design_read, fingerprint(design_file, settings, seed), settings, watch, seed)
+    else:
+        loaded_scan, clean_scan = read(scan_file, "scan", settings, watch, needs_surface=False)
     design = known.analysis
     scan = analyse(clean_scan.mesh, "scan", known.scales, settings, watch, seed)
 
@@ -78,7 +84,7 @@ def run_registration(
         with watch.stage(Stage.REPORT):
             out.mkdir(parents=True, exist_ok=True)
             if settings.report.write_files:
-                files += write_analysis(out, "design", design, settings) + write_analysis(out, "scan", scan, settings)
+                files += known.write(out) + write_analysis(out, "scan", scan, settings)
                 report.write_landmarks(
                     out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
                 )
@@ -90,7 +96,9 @@ def run_registration(
 
     result = RegistrationResult(
         verdict=verdict,
-        transform=records.transform(T_design_scan, loaded_design, loaded_scan, doubted.unit_factor) if posed else None,
+        transform=records.transform(T_design_scan, known.kept.input.mm_per_unit, loaded_scan, doubted.unit_factor)
+        if posed
+        else None,
         alternatives=records.alternatives(registration, doubted.symmetric, rejected=not posed),
         metrics=records.metrics(registration, found=posed),
         landmarks=landmarks,
@@ -100,7 +108,7 @@ def run_registration(
         scale=records.scale(registration, doubted.unit_factor) if posed else None,
         provenance=records.provenance(
             Inputs(
-                design=records.input_record(loaded_design, clean_design),
+                design=known.kept.input,
                 scan=records.input_record(loaded_scan, clean_scan),
             ),
             settings,
@@ -112,11 +120,14 @@ def run_registration(
             *design.warnings,
             *scan.warnings,
             *records.landmark_warnings(design=landmarks.design, scan=landmarks.scan),
-            *records.input_warnings(design=clean_design, scan=clean_scan),
+            *known.kept.notes,
+            *records.input_warnings(scan=clean_scan),
         ],
     )
     if out is not None:
         (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    if design_cache is not None and is_new:
+        known.keep(design_cache)
     return result
 
 

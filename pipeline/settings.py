@@ -207,7 +207,7 @@ class RegistrationSettings(Section):
         0.009, gt=0, description="verdict no_match when the truncated RMS distance is above this share of the diagonal"
     )
     rival_margin: float = Field(
-        1.25, ge=1, description="verdict ambiguous when another pose costs less than this many times the best"
+        1.25, ge=1, description="verdict ambiguous when another pose scores less than this many times the best"
     )
     free_motion_share: float = Field(
         0.005,

@@ -32,8 +32,8 @@ TRIED = 16
 class SelfImages:
     """The motions (4, 4), design to design, under which it is its own image; `others` : without the identity"""
 
-    def __init__(self, surface: Surface) -> None:
-        self.others: tuple[FloatArray, ...] = ()
+    def __init__(self, surface: Surface, others: tuple[FloatArray, ...] = ()) -> None:
+        self.others = others
         self._surface = surface
         self._samples = sampling.on_surface(surface.mesh, POINTS, 0)
         self._diagonal = surface.mesh.diagonal_mm

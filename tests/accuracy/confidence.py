@@ -25,7 +25,6 @@ from sklearn.linear_model import LogisticRegression
 import pipeline
 from pipeline import doubts, verdict
 from pipeline.analysis import analyse, read
-from pipeline.design import known
 from pipeline.door import MeshFile
 from pipeline.mesh import FloatArray
 from pipeline.settings import Settings
@@ -33,6 +32,7 @@ from pipeline.watch import silent
 from tests.accuracy import gauntlet, gauntlet_cases
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Condition, Spec
+from tests.pipeline.designs import design_of
 
 FIRST_SEED = 1000  # the gauntlet's are 0, 1, 2 ...
 HARDER = {
@@ -69,7 +69,7 @@ def measured(spec: Spec) -> dict[str, Any]:
             read(MeshFile(path), name, settings, silent(), needs_surface=name == "design")
             for path, name in zip(files, ("design", "scan"), strict=True)
         )
-    design = known(design_in.mesh, settings, silent(), 0)
+    design = design_of(design_in.mesh, settings)
     scan = analyse(scan_in.mesh, "scan", design.scales, settings, silent(), 0)
     asked = doubts.Asked(settings, 0, None)
     found = doubts.registered(scan, *doubts.matched(scan, design, asked), design, asked)

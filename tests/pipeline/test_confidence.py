@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from pipeline import doubts
 from pipeline.analysis import analyse
-from pipeline.design import known
 from pipeline.mesh import Mesh
 from pipeline.verdict import CONFIDENCE, LOOSE_MARGIN, MOST_MARGIN, Case, evidence, judge, probability
 from pipeline.watch import silent
 from tests import shapes
+from tests.pipeline.designs import design_of
 from tests.pipeline.test_verdict import QUICK, noisy
 
 ASKED = doubts.Asked(QUICK, 0, None)
@@ -24,7 +24,7 @@ LIMITS = QUICK.registration
 def case() -> Case:
     """A blob's scan in place, without a rival."""
     part: Mesh = shapes.bumpy_blob(4)
-    design = known(part, QUICK, silent(), 0)
+    design = design_of(part, QUICK)
     scan = analyse(noisy(part, 5), "scan", design.scales, QUICK, silent(), 0)
     found = doubts.registered(scan, *doubts.matched(scan, design, ASKED), design, ASKED)
     found, doubted = doubts.examined(found, design, ASKED)

@@ -4,20 +4,19 @@ import numpy as np
 import pytest
 
 from pipeline.analysis import Scales
-from pipeline.design import known
 from pipeline.kernels import rigid
 from pipeline.mesh import Mesh
 from pipeline.settings import FeaturesSettings, ResampleSettings, Settings
 from pipeline.symmetries import SelfImages
-from pipeline.watch import silent
 from tests import shapes
+from tests.pipeline.designs import design_of
 from tests.pipeline.test_verdict import cross
 
 QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
 
 
 def images(mesh: Mesh) -> SelfImages:
-    return known(mesh, QUICK, silent(), 0).images
+    return design_of(mesh, QUICK).images
 
 
 @pytest.mark.parametrize("arms", [3, 4])
@@ -73,7 +72,7 @@ def test_a_prism_turns_over_too(sides: int) -> None:
 
 def test_what_is_known_of_a_design_says_its_scales() -> None:
     part = shapes.bumpy_blob(4)
-    design = known(part, QUICK, silent(), 0)
+    design = design_of(part, QUICK)
     assert design.scales == Scales.of(part, QUICK)
     assert design.diagonal_mm == part.diagonal_mm
     assert design.images.others == ()
