@@ -72,6 +72,11 @@ class BlobStore:
     def __init__(self, folder: Path) -> None:
         self._store = LocalStore(folder, mkdir=True)
 
+    @property
+    def store(self) -> LocalStore:
+        """Where the bytes are, for what is kept beside the blobs."""
+        return self._store
+
     def writer(self) -> UploadWriter:
         """Start an upload."""
         return UploadWriter(self._store)

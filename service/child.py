@@ -26,7 +26,8 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
     match task["type"]:
         case "registration":
             design, scan = _mesh(task["design"]), _mesh(task["scan"])
-            pipeline.register(design, scan, tolerance_mm=task["tolerance_mm"], **common)
+            own = {"tolerance_mm": task["tolerance_mm"], "design_cache": task["design_cache"]}
+            pipeline.register(design, scan, **own, **common)
         case "landmarks":
             pipeline.find_landmarks(_mesh(task["mesh"]), **common)
         case "study":

@@ -9,7 +9,9 @@ from typing import Any
 
 import structlog
 
+from service import design_cache
 from service.blobs import BlobStore
+from service.design_cache import DesignCache
 from service.errors import InternalError, JobCrashed, problem_of
 from service.job_store import JobStore
 from service.jobs import JobRow
@@ -23,14 +25,17 @@ log = structlog.get_logger()
 class Worker:
     """One worker process's jobs; `run` is called by many threads."""
 
-    def __init__(self, worker_id: str, jobs: JobStore, blobs: BlobStore, sandbox: Sandbox, scratch: Path) -> None:
-        self._id, self._jobs, self._blobs, self._sandbox, self._scratch = (
-            worker_id,
-            jobs,
-            blobs,
-            sandbox,
-            scratch,
-        )
+    def __init__(
+        self,
+        worker_id: str,
+        jobs: JobStore,
+        blobs: BlobStore,
+        designs: DesignCache,
+        sandbox: Sandbox,
+        scratch: Path,
+    ) -> None:
+        self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
+        self._sandbox, self._scratch = sandbox, scratch
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -95,7 +100,10 @@ class Worker:
         def is_wanted() -> bool:
             return not self._stopping.is_set() and beat(row.id, row.attempt)
 
-        return self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
+        outcome = self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
+        if outcome.kind == "done":
+            self._keep_design(task)
+        return outcome
 
     def _task(self, row: JobRow, folder: Path) -> dict[str, Any]:
         """What `child.run` is told; the meshes are copied into the job's folder."""
@@ -113,7 +121,24 @@ class Worker:
             self._blobs.fetch(given["blob"], path)
             unit = getattr(options.units, mesh)
             task[mesh] = {"path": str(path), "filename": given["filename"], "unit": unit}
+        if row.type == "registration":
+            name = design_cache.name_of(row.inputs["design"]["blob"], task["design"], task["settings"], options.seed)
+            task["design_cache"] = str(folder / f"{name}.npz")
+            known = self._designs.fetch(name, folder / f"{name}.npz")
+            log.info("design known" if known else "design new", design=row.inputs["design"]["blob"])
+            task["design_known"] = known
         return task
+
+    def _keep_design(self, task: dict[str, Any]) -> None:
+        """Keep the analysis that a job made of its design. A cache that is full or gone fails no job."""
+        if "design_cache" not in task or task["design_known"]:
+            return
+        path = Path(task["design_cache"])
+        try:
+            if path.is_file() and not path.is_symlink():
+                self._designs.keep(path.stem, path)
+        except Exception:
+            log.exception("design not kept")
 
     def _conclude(self, row: JobRow, folder: Path, outcome: Outcome) -> None:
         facts = {

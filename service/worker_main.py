@@ -9,6 +9,7 @@ import time
 import structlog
 
 from service.blobs import BlobStore
+from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
 from service.reaper import Reaper
@@ -39,7 +40,8 @@ def run_worker(settings: ServiceSettings) -> int:
         return EXIT_BROKEN
     shutil.rmtree(settings.scratch_dir, ignore_errors=True)  # of a worker that was killed
     settings.scratch_dir.mkdir(mode=0o700)
-    worker = Worker(settings.worker_id, jobs, blobs, sandbox, settings.scratch_dir)
+    designs = DesignCache(blobs.store, settings.design_cache_mib)
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, settings.scratch_dir)
     reaper = Reaper(jobs, DbosQueue(settings.queue_path))
     reaper.at_start(settings.worker_id)
     DbosRunner(settings.queue_path, settings.worker_id, settings.jobs, worker.run).start()

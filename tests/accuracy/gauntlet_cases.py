@@ -320,7 +320,7 @@ def _printed(spec: Spec) -> Case:
             continue
         if rival.rms <= max(TELLING, 1.5 * condition.warp):
             statuses |= {"ambiguous"}
-        if rival.rms <= ALL_TOLD:
+        if rival.rms <= ALL_TOLD and condition.noise > 0:  # a copy without noise does tell
             statuses -= {"ok"}
             rivals.append(rival.T @ made.T_design_scan)
     if case.tolerance_share * moving_changes(made.kept) < max(condition.noise, condition.warp / 3, NOTHING):

@@ -18,6 +18,7 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.blobs import BlobStore
+from service.design_cache import DesignCache
 from service.job_store import JobStore
 from service.sandbox import Outcome
 from service.settings import ServiceSettings
@@ -139,7 +140,9 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
         NotingQueue(),
         ScriptedSandbox(),
     )
-    worker = Worker("worker-1", jobs, blobs, sandbox, settings.scratch_dir)  # type: ignore[arg-type]
+    worker = Worker(
+        "worker-1", jobs, blobs, DesignCache(blobs.store, settings.design_cache_mib), sandbox, settings.scratch_dir
+    )  # type: ignore[arg-type]
     with serving(create_app(settings, queue)) as address, httpx.Client(base_url=address, timeout=30) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()
