@@ -126,7 +126,8 @@ def mirrored_rms_mm(found: Found, design: Design, asked: Asked) -> float:
     mesh = Mesh(found.scan.mesh.vertices * across, found.scan.mesh.faces[:, ::-1])
     scan = Scan(mesh, settings.registration, asked.seed)
     best = search(scan, design.surface, matching, settings.registration, thorough=False).best
-    return fit(mesh, design.surface, best.T_design_scan, found.registration.inlier_distance_mm).truncated_rms_mm
+    inlier = found.registration.inlier_distance_mm
+    return fit(mesh, mesh.weights(), design.surface, best.T_design_scan, inlier).truncated_rms_mm
 
 
 def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found, tuple[bool, ...]]:

@@ -45,8 +45,11 @@ class Surface:
             o3d.core.Tensor((mesh.vertices - self._centre).astype(np.float32)),
             o3d.core.Tensor(mesh.faces.astype(np.uint32)),
         )
-        cross = mesh.face_cross_mm2()
-        self.face_normals: FloatArray = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+    @cached_property
+    def _face_normals(self) -> FloatArray:
+        cross = self.mesh.face_cross_mm2()
+        return np.asarray(cross / np.linalg.norm(cross, axis=1, keepdims=True), dtype=np.float64)
 
     @cached_property
     def _edges(self) -> topology.Edges:
@@ -61,7 +64,9 @@ class Surface:
         corners = self.mesh.vertices[self.mesh.faces[face]]
         weights = closest_weights(points, corners)
         point = np.einsum("kc,kcd->kd", weights, corners)
-        return Closest(point, face, weights, np.linalg.norm(points - point, axis=1), self.face_normals[face])
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+        return Closest(point, face, weights, np.linalg.norm(points - point, axis=1), normal)
 
     def signed_distance(self, points: FloatArray, found: Closest) -> FloatArray:
         """(k,) `found.distance`, negative where the point lies behind the surface (inside a closed one)."""
@@ -94,13 +99,13 @@ class Surface:
         at_edge = np.flatnonzero(zero.sum(axis=1) == 1)
         if at_edge.size:
             of_edge = np.zeros((len(self._edges.ends), 3))
-            np.add.at(of_edge, self._edges.of_face.ravel(), np.repeat(self.face_normals, 3, axis=0))
+            np.add.at(of_edge, self._edges.of_face.ravel(), np.repeat(self._face_normals, 3, axis=0))
             normal[at_edge] = of_edge[self._edges.of_face[found.face[at_edge], zero[at_edge].argmax(axis=1)]]
         at_vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         if at_vertex.size:
             of_vertex = np.zeros_like(self.mesh.vertices)
             angles = corner_angles(self.mesh)
-            np.add.at(of_vertex, self.mesh.faces, angles[:, :, None] * self.face_normals[:, None, :])
+            np.add.at(of_vertex, self.mesh.faces, angles[:, :, None] * self._face_normals[:, None, :])
             normal[at_vertex] = of_vertex[
                 self.mesh.faces[found.face[at_vertex], found.weights[at_vertex].argmax(axis=1)]
             ]

@@ -69,11 +69,11 @@ def register(
     limit_mm : a motion less certain than this is free.
     """
     inlier = settings.inlier_share * design.mesh.diagonal_mm
-    asked = Scan(scan, settings, seed)
+    asked, weights = Scan(scan, settings, seed), scan.weights()
     found = search(asked, design, matching, settings)
     best = found.best
     complete = _complete(asked.few, design, settings)
-    final = fit(scan, design, best.T_design_scan, inlier)
+    final = fit(scan, weights, design, best.T_design_scan, inlier)
     T_landmarks = matching.T_landmarks
     return Registration(
         best=best,
@@ -81,18 +81,17 @@ def register(
         fit=final,
         seed=found.seed,
         inlier_distance_mm=inlier,
-        rmse_initial_mm=fit(scan, design, np.eye(4), inlier).rmse_mm,
-        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, design, T_landmarks, inlier).rmse_mm,
-        rmse_complete_mm=fit(scan, design, complete, inlier).rmse_mm,
+        rmse_initial_mm=fit(scan, weights, design, np.eye(4), inlier).rmse_mm,
+        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, weights, design, T_landmarks, inlier).rmse_mm,
+        rmse_complete_mm=fit(scan, weights, design, complete, inlier).rmse_mm,
         design_coverage=best.coverage,
-        observability=observed(final, scan.weights(), design, inlier, limit_mm),
+        observability=observed(final, weights, design, inlier, limit_mm),
         scale=_scale(asked.every, design, best.T_design_scan, inlier),
     )
 
 
-def fit(scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float) -> Fit:
-    """Every vertex of the cleaned scan against the exact design surface, area-weighted (a cloud: 1 a point)."""
-    weights = scan.weights()
+def fit(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float) -> Fit:
+    """Every vertex of the cleaned scan against the exact design surface; weights : `scan.weights()`"""
     moved = rigid.transformed(T_design_scan, scan.vertices)
     closest = design.closest(moved)
     squared = closest.distance**2
