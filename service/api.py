@@ -10,6 +10,7 @@ from service.engine import Queue
 from service.errors import JobNotFound
 from service.job_store import JobStore
 from service.jobs import JobRow
+from service.keys import Caller, KeyStore
 from service.settings import ServiceSettings
 
 
@@ -21,10 +22,11 @@ class Api:
     jobs: JobStore
     blobs: BlobStore
     queue: Queue
+    keys: KeyStore
 
-    def job(self, job_id: str) -> JobRow:
-        """The job, or the problem that there is none."""
-        row = self.jobs.get(job_id)
+    def job(self, job_id: str, caller: Caller) -> JobRow:
+        """The caller's job, or the problem that there is none: another tenant's is as if it were not there."""
+        row = self.jobs.get(job_id, caller.tenant)
         if row is None:
             raise JobNotFound(f"no job has the id {job_id!r}; it was never made here, or it was removed")
         return row

@@ -11,6 +11,7 @@ from service.api import Api
 from service.blobs import BlobStore
 from service.engine import DbosQueue, Queue
 from service.job_store import JobStore
+from service.keys import KeyStore
 from service.limits import BodyLimit
 from service.openapi import describe
 from service.routes import blobs, jobs, service
@@ -28,7 +29,7 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
         with ExitStack() as stack:
             stack.callback(engine.dispose)
             tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue_path)))
-            app.state.api = Api(settings, JobStore(engine), BlobStore(settings.blob_dir), tickets)
+            app.state.api = Api(settings, JobStore(engine), BlobStore(settings.blob_dir), tickets, KeyStore(engine))
             yield
 
     app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)

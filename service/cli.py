@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
-from service import cli_jobs, cli_meshes
+from service import cli_jobs, cli_keys, cli_meshes
 from service.settings import ServiceSettings
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app.command("landmarks")(cli_meshes.landmarks)
 app.command("study")(cli_meshes.study)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
+app.add_typer(cli_keys.app, name="keys")
 
 Parent = Annotated[int, typer.Option(help="pid of `cusp up`; this process ends with it", hidden=True)]
 
@@ -33,10 +34,11 @@ def up(
     data_dir: Annotated[Path | None, typer.Option(help="databases, uploads and results [cusp-data]")] = None,
     jobs: Annotated[int | None, typer.Option(help="jobs run at the same time [half the processors]")] = None,
     allow_open: Annotated[
-        bool, typer.Option("--allow-open", help="listen beyond loopback, though there are no API keys")
+        bool, typer.Option("--allow-open", help="listen beyond loopback although there are no API keys")
     ] = False,
 ) -> None:
     """Run the service: the API and a worker. Options win over CUSP_* variables."""
+    from service.keys import Exposed
     from service.logs import set_up_logs
     from service.up import AlreadyRunning, run_up
 
@@ -45,7 +47,7 @@ def up(
     set_up_logs(settings, "parent")
     try:
         code = run_up(settings)
-    except AlreadyRunning as error:
+    except (AlreadyRunning, Exposed) as error:
         _refuse(str(error))
     raise typer.Exit(code)
 

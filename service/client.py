@@ -8,6 +8,7 @@ with Client("http://127.0.0.1:8000") as cusp:
 """
 
 import json
+import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -44,12 +45,15 @@ def _ignore(_: Job) -> None:
 class Client:
     """Speaks to one server. Not thread-safe; close it, or use it as a context manager."""
 
-    def __init__(self, server: str) -> None:
+    def __init__(self, server: str, api_key: str | None = None) -> None:
+        """api_key : by default `CUSP_API_KEY` of the environment, if any."""
         self.server = server.rstrip("/")
+        key = api_key or os.environ.get("CUSP_API_KEY")
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
         timeout = httpx.Timeout(TRANSFER_TIMEOUT_S, connect=CONNECT_TIMEOUT_S)
         is_near = httpx.URL(self.server).host in ("127.0.0.1", "::1", "localhost")
         # A proxy of the environment is for the world outside; it cannot reach this machine's own loopback.
-        self._http = httpx.Client(base_url=self.server, timeout=timeout, trust_env=not is_near)
+        self._http = httpx.Client(base_url=self.server, timeout=timeout, headers=headers, trust_env=not is_near)
 
     def __enter__(self) -> Self:
         return self

@@ -54,8 +54,11 @@ class DesignCache:
             too_much -= entry["size"]
 
 
-def name_of(blob_id: str, design: dict[str, Any], settings: dict[str, Any], seed: int) -> str:
-    """All that the analysis follows from, as one word. design : `unit` and `filename` of the task"""
+def name_of(tenant: str, blob_id: str, design: dict[str, Any], settings: dict[str, Any], seed: int) -> str:
+    """All that the analysis follows from, as one word; and the tenant, so that none reads what another's job wrote.
+
+    design : `unit` and `filename` of the task
+    """
     ending = Path(design["filename"] or "").suffix.lower()
-    made_of = [blob_id, ending, design["unit"], settings, seed, VERSION]
+    made_of = [tenant, blob_id, ending, design["unit"], settings, seed, VERSION]
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()

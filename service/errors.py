@@ -50,6 +50,14 @@ class UnknownBlob(ServiceError):
     code = "unknown_blob"
 
 
+class Unauthorized(ServiceError):
+    code = "unauthorized"
+
+
+class Forbidden(ServiceError):
+    code = "forbidden"
+
+
 class NotFound(ServiceError):
     code = "not_found"
 
@@ -127,6 +135,9 @@ TABLE: dict[type[Exception], Row] = {
     UnknownBlob: Row(422, "The blob is not stored here"),
     PayloadTooLarge: Row(413, "The request is too large"),
     UnsupportedMediaType: Row(415, "The media type is not supported"),
+    # who asks
+    Unauthorized: Row(401, "An API key is needed"),
+    Forbidden: Row(403, "The API key does not allow this"),
     # the address
     NotFound: Row(404, "Nothing is at this address"),
     MethodNotAllowed: Row(405, "The method is not allowed here"),

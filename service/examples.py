@@ -52,6 +52,8 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.UnsupportedMediaType(
         "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), or application/json"
     ),
+    errors.Unauthorized("the API key is not known here, or it was revoked; ask for another one"),
+    errors.Forbidden("this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read"),
     errors.NotFound("nothing is at /v1/job; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it was never made here, or it was removed"),

@@ -24,6 +24,7 @@ from service.errors import (
 )
 from service.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
 from service.jobs import JobRow, new_id
+from service.keys import Caller
 from service.options import invalid_request, parse_options
 from service.schemas import (
     Blob,
@@ -56,20 +57,20 @@ class Source:
     filename: str | None
 
 
-async def accept_job(request: Request, api: Api) -> JobRow:
+async def accept_job(request: Request, api: Api, caller: Caller) -> JobRow:
     """Read a multipart or JSON request, store the job, queue it."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "multipart/form-data":
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
-            return await run_in_threadpool(_from_form, api, form)
+            return await run_in_threadpool(_from_form, api, caller, form)
     if kind == "application/json":
-        return await run_in_threadpool(_from_json, api, await _body(request))
+        return await run_in_threadpool(_from_json, api, caller, await _body(request))
     raise UnsupportedMediaType(
         f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
     )
 
 
-async def accept_blob(request: Request, api: Api, filename: str | None) -> Blob:
+async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
     """Stream a request's body into a blob."""
     writer = api.blobs.writer()
     try:
@@ -80,10 +81,10 @@ async def accept_blob(request: Request, api: Api, filename: str | None) -> Blob:
         writer.abort()
         raise
     upload = await run_in_threadpool(writer.finish)
-    return (await run_in_threadpool(_keep, api, {"blob": (upload, filename)}))["blob"]
+    return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
-def _from_form(api: Api, form: FormData) -> JobRow:
+def _from_form(api: Api, caller: Caller, form: FormData) -> JobRow:
     job_type = parse_type(_text(form, "type", "registration"))
     given = sorted({name for name, _ in form.multi_items()})
     check_meshes(job_type, given)
@@ -95,12 +96,12 @@ def _from_form(api: Api, form: FormData) -> JobRow:
     check_options(job_type, options)
     sources = [_source(form, name) for name in MESHES[job_type]]
     _check_room(api)
-    blobs = _keep(api, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
+    blobs = _keep(api, caller, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
-    return _store(api, job_type, inputs, options)
+    return _store(api, caller, job_type, inputs, options)
 
 
-def _from_json(api: Api, body: bytes) -> JobRow:
+def _from_json(api: Api, caller: Caller, body: bytes) -> JobRow:
     try:
         given = json.loads(body)
     except ValueError as error:
@@ -117,15 +118,16 @@ def _from_json(api: Api, body: bytes) -> JobRow:
         raise invalid_request(error) from error
     inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
-        if api.jobs.blob(ref.blob) is None or not api.blobs.has(ref.blob):
+        if api.jobs.blob(ref.blob, caller.tenant) is None or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
     _check_room(api)
-    return _store(api, job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return _store(api, caller, job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
-def _store(api: Api, job_type: JobType, inputs: dict[str, Any], options: Options) -> JobRow:
+def _store(api: Api, caller: Caller, job_type: JobType, inputs: dict[str, Any], options: Options) -> JobRow:
     row = JobRow(
         id=new_id(),
+        tenant=caller.tenant,
         type=job_type,
         inputs=inputs,
         options=options.model_dump(mode="json"),
@@ -144,7 +146,7 @@ def _store(api: Api, job_type: JobType, inputs: dict[str, Any], options: Options
     return row
 
 
-def _keep(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:
+def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:
     """Check each upload and store it under its content; when one is refused, none is stored."""
     try:
         formats = {
@@ -158,7 +160,7 @@ def _keep(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, 
     blobs = {}
     for name, (upload, _) in uploads.items():
         api.blobs.keep(upload)
-        api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value)
+        api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
         blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
     return blobs
 

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Engine, delete, func, select, update
 from sqlalchemy.orm import sessionmaker
 
-from service.jobs import MAX_CRASHES, BlobRow, JobRow, WorkerRow, check_move, now_ms
+from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, JobRow, WorkerRow, check_move, now_ms
 from service.schemas import JobType, Problem, Status
 
 
@@ -26,27 +26,30 @@ class JobStore:
         with self._session.begin() as session:
             session.add(row)
 
-    def get(self, job_id: str) -> JobRow | None:
-        """The job, unless it is unknown or removed."""
-        row = self.find(job_id)
+    def get(self, job_id: str, tenant: str = DEFAULT_TENANT) -> JobRow | None:
+        """The tenant's job, unless it is unknown or removed."""
+        row = self.find(job_id, tenant)
         return None if row is None or row.removed_ms is not None else row
 
-    def find(self, job_id: str) -> JobRow | None:
-        """The job, removed ones included."""
+    def find(self, job_id: str, tenant: str | None = None) -> JobRow | None:
+        """The job, removed ones included; with `tenant` only when it is theirs."""
         with self._session() as session:
-            return session.get(JobRow, job_id)
+            row = session.get(JobRow, job_id)
+        return row if row is None or tenant in (None, row.tenant) else None
 
     def page(
         self,
         *,
+        tenant: str = DEFAULT_TENANT,
         status: Status | None = None,
         job_type: JobType | None = None,
         label: str | None = None,
         before_id: str | None = None,
         limit: int,
     ) -> Sequence[JobRow]:
-        """Up to `limit` jobs older than `before_id`, newest first (ids sort by time)."""
-        query = select(JobRow).where(JobRow.removed_ms.is_(None)).order_by(JobRow.id.desc()).limit(limit)
+        """Up to `limit` of the tenant's jobs older than `before_id`, newest first (ids sort by time)."""
+        query = select(JobRow).where(JobRow.tenant == tenant, JobRow.removed_ms.is_(None))
+        query = query.order_by(JobRow.id.desc()).limit(limit)
         if status is not None:
             query = query.where(JobRow.status == status)
         if job_type is not None:
@@ -160,16 +163,16 @@ class JobStore:
 
     # --- blobs
 
-    def add_blob(self, blob_id: str, size: int, mesh_format: str) -> None:
+    def add_blob(self, blob_id: str, size: int, mesh_format: str, tenant: str = DEFAULT_TENANT) -> None:
         """Note a stored blob; the same content again is the same blob."""
-        row = BlobRow(id=blob_id, size=size, format=mesh_format, created_ms=self._clock_ms())
+        row = BlobRow(tenant=tenant, id=blob_id, size=size, format=mesh_format, created_ms=self._clock_ms())
         with self._session.begin() as session:
             session.merge(row)
 
-    def blob(self, blob_id: str) -> BlobRow | None:
-        """The blob, if it is stored."""
+    def blob(self, blob_id: str, tenant: str = DEFAULT_TENANT) -> BlobRow | None:
+        """The blob, if the tenant sent it."""
         with self._session() as session:
-            return session.get(BlobRow, blob_id)
+            return session.get(BlobRow, (tenant, blob_id))
 
     # --- how changes are made
 

@@ -9,6 +9,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from service.schemas import Status
 
+DEFAULT_TENANT = "default"  # of a service without keys
 MAX_CRASHES = 3  # workers that may die while running a job before the job is taken for the cause
 
 #: Which status may follow which. RUNNING -> ACCEPTED hands a job on whose worker died or stopped.
@@ -43,9 +44,14 @@ class JobRow(Base):
     """Times are milliseconds since 1970 (UTC): SQLite and PostgreSQL compare and sort them alike."""
 
     __tablename__ = "jobs"
-    __table_args__ = (Index("jobs_by_status", "status", "id"), Index("jobs_by_label", "label", "id"))
+    __table_args__ = (
+        Index("jobs_by_status", "status", "id"),
+        Index("jobs_by_label", "label", "id"),
+        Index("jobs_by_tenant", "tenant", "id"),
+    )
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
+    tenant: Mapped[str] = mapped_column(String(64), default=DEFAULT_TENANT)
     type: Mapped[str] = mapped_column(String(32))
     status: Mapped[Status] = mapped_column(_STATUS)
     stage: Mapped[str | None] = mapped_column(String(32))
@@ -68,10 +74,11 @@ class JobRow(Base):
 
 
 class BlobRow(Base):
-    """An uploaded mesh, known by its content."""
+    """An uploaded mesh, known by its content; of each tenant that sent it."""
 
     __tablename__ = "blobs"
 
+    tenant: Mapped[str] = mapped_column(String(64), primary_key=True)
     id: Mapped[str] = mapped_column(String(71), primary_key=True)  # sha256:<hex>
     size: Mapped[int] = mapped_column(BigInteger)
     format: Mapped[str] = mapped_column(String(8))

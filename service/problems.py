@@ -18,6 +18,7 @@ from service.errors import (
     MethodNotAllowed,
     NotFound,
     ServiceError,
+    Unauthorized,
     problem_of,
 )
 from service.schemas import Problem, ProblemItem
@@ -79,6 +80,8 @@ def _on_own_error(_: Request, error: Exception) -> Response:
     headers = {}
     if isinstance(error, ServiceError) and error.retry_after_s is not None:
         headers["Retry-After"] = str(error.retry_after_s)
+    if isinstance(error, Unauthorized):
+        headers["WWW-Authenticate"] = 'Bearer realm="cusp"'
     return problem_response(problem_of(error), headers)
 
 

@@ -3,9 +3,9 @@
 import os
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -17,9 +17,9 @@ class ServiceSettings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="CUSP_", frozen=True, extra="ignore", validate_default=True)
 
     data_dir: Path = Field(Path("cusp-data"), description="databases, blobs, results and temporary files")
-    host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs allow_open")
+    host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs API keys or allow_open")
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 lets the system choose")
-    allow_open: bool = Field(False, description="listen beyond loopback although this version has no API keys")
+    allow_open: bool = Field(False, description="listen beyond loopback although there are no API keys")
     jobs: int = Field(max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time")
     job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
@@ -36,14 +36,10 @@ class ServiceSettings(BaseSettings):
         """Jobs run in folders of their own: a path relative to where `cusp up` was called would lead nowhere there."""
         return data_dir.expanduser().absolute()
 
-    @model_validator(mode="after")
-    def _closed_unless_allowed(self) -> Self:
-        if not self.allow_open and not _is_loopback(self.host):
-            raise ValueError(
-                f"host {self.host} is reachable from other machines and this version has no API keys; "
-                "listen on 127.0.0.1, or say CUSP_ALLOW_OPEN=1 (--allow-open) where a firewall or a proxy guards it"
-            )
-        return self
+    @property
+    def is_exposed(self) -> bool:
+        """True when other machines reach the address and nobody said that this is meant."""
+        return not self.allow_open and not _is_loopback(self.host)
 
     @property
     def database_path(self) -> Path:

@@ -15,8 +15,9 @@ import structlog
 
 from service.blobs import BlobStore
 from service.engine import migrate_queue
+from service.keys import Exposed, KeyStore, check_exposure
 from service.settings import ServiceSettings
-from service.store import migrate
+from service.store import migrate, open_database
 from service.worker_main import EXIT_BROKEN
 
 STOP_TIMEOUT_S = 8.0
@@ -45,7 +46,7 @@ def prepare(settings: ServiceSettings) -> IO[bytes]:
 
     Raises
     ------
-    AlreadyRunning
+    AlreadyRunning, Exposed
     """
     settings.make_folders()
     lock = (settings.data_dir / "lock").open("ab")
@@ -61,6 +62,14 @@ def prepare(settings: ServiceSettings) -> IO[bytes]:
         path.unlink(missing_ok=True)
     migrate(settings.database_path)
     migrate_queue(settings.queue_path)
+    engine = open_database(settings.database_path)
+    try:
+        check_exposure(settings, KeyStore(engine))
+    except Exposed:
+        lock.close()
+        raise
+    finally:
+        engine.dispose()
     return lock
 
 

@@ -122,7 +122,9 @@ class Worker:
             unit = getattr(options.units, mesh)
             task[mesh] = {"path": str(path), "filename": given["filename"], "unit": unit}
         if row.type == "registration":
-            name = design_cache.name_of(row.inputs["design"]["blob"], task["design"], task["settings"], options.seed)
+            name = design_cache.name_of(
+                row.tenant, row.inputs["design"]["blob"], task["design"], task["settings"], options.seed
+            )
             task["design_cache"] = str(folder / f"{name}.npz")
             known = self._designs.fetch(name, folder / f"{name}.npz")
             log.info("design known" if known else "design new", design=row.inputs["design"]["blob"])

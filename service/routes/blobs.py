@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from service.api import UseApi
+from service.identity import Reads, Writes
 from service.intake import accept_blob
 from service.problems import problems
 from service.schemas import Blob
@@ -19,20 +20,21 @@ RAW_BODY = {
 }
 
 
-@router.put("", responses=problems(413, 415, 422), openapi_extra=RAW_BODY)
+@router.put("", responses=problems(401, 403, 413, 415, 422), openapi_extra=RAW_BODY)
 async def put_blob(
     request: Request,
     api: UseApi,
+    caller: Writes,
     filename: Annotated[str | None, Query(max_length=255, description="a hint at the format")] = None,
 ) -> Blob:
     """Store a mesh under its content. The same content again is the same blob."""
-    return await accept_blob(request, api, filename)
+    return await accept_blob(request, api, caller, filename)
 
 
-@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(404)})
-def head_blob(blob_id: str, api: UseApi) -> Response:
+@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404)})
+def head_blob(blob_id: str, api: UseApi, caller: Reads) -> Response:
     """Ask whether a blob is stored, before sending it."""
-    row = api.jobs.blob(blob_id)
+    row = api.jobs.blob(blob_id, caller.tenant)
     if row is None or not api.blobs.has(blob_id):
         return Response(status_code=404)
     return Response(headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format})

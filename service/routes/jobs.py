@@ -14,9 +14,11 @@ from service import problems as told
 from service.api import Api, UseApi
 from service.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
 from service.etags import conditional_json
+from service.identity import Reads, Writes
 from service.intake import accept_job
 from service.job_body import JOB_BODY
 from service.jobs import JobRow
+from service.keys import Caller
 from service.problems import problems
 from service.schemas import FileList, Job, JobPage, JobType, Results, Status
 from service.views import files_of, job_of
@@ -28,22 +30,23 @@ MAX_WAIT_S = 60
 WAIT_LOOK_S = 0.1
 
 
-@router.post("", status_code=202, responses=problems(400, 413, 415, 422, 503), openapi_extra=JOB_BODY)
-async def submit(request: Request, response: Response, api: UseApi) -> Job:
+@router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 503), openapi_extra=JOB_BODY)
+async def submit(request: Request, response: Response, api: UseApi, caller: Writes) -> Job:
     """Start a job, with its meshes as files of a form or as blobs that were sent before.
 
     `type` says what to do: `registration` (the default) puts `scan` on `design`; `landmarks` finds segments and
     landmarks of one `mesh`; `study` measures how much landmarks tell about one `mesh`.
     """
-    row = await accept_job(request, api)
+    row = await accept_job(request, api, caller)
     response.headers["Location"] = f"/v1/jobs/{row.id}"
     response.headers["Retry-After"] = str(RETRY_AFTER_S)
     return job_of(row)
 
 
-@router.get("", responses=problems(422))
+@router.get("", responses=problems(401, 403, 422))
 def list_jobs(
     api: UseApi,
+    caller: Reads,
     status: Annotated[Status | None, Query(description="only these")] = None,
     type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
     label: Annotated[str | None, Query(max_length=200, description="only these")] = None,
@@ -51,44 +54,47 @@ def list_jobs(
     cursor: Annotated[str | None, Query(max_length=36, description="`next` of the page before")] = None,
 ) -> JobPage:
     """List jobs, newest first."""
-    rows = api.jobs.page(status=status, job_type=type, label=label, before_id=cursor, limit=limit + 1)
+    rows = api.jobs.page(
+        tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit + 1
+    )
     return JobPage(jobs=[job_of(row) for row in rows[:limit]], next=rows[limit - 1].id if len(rows) > limit else None)
 
 
 @router.get(
     "/{job_id}",
     response_model=Job,
-    responses={304: {"description": "Not changed since If-None-Match."}, **problems(404)},
+    responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404)},
 )
 async def status(
     job_id: str,
     request: Request,
     api: UseApi,
+    caller: Reads,
     prefer: Annotated[str | None, Header(description="`wait=N`: answer when final, or after N seconds")] = None,
 ) -> Response:
     """Watch a job."""
     seconds = _seconds_to_wait(prefer)
-    row = await _wait(api, job_id, seconds)
+    row = await _wait(api, job_id, caller, seconds)
     headers = {} if row.status.is_final else {"Retry-After": str(RETRY_AFTER_S)}
     if seconds:
         headers["Preference-Applied"] = f"wait={seconds}"
     return conditional_json(request, job_of(row).model_dump_json(), headers)
 
 
-@router.get("/{job_id}/results", response_model=Results, responses=problems(404, 409, 413, 415, 422, 500))
-def results(job_id: str, api: UseApi) -> Response:
+@router.get("/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 500))
+def results(job_id: str, api: UseApi, caller: Reads) -> Response:
     """Get results.json; of a failed job, its problem."""
-    row = api.job(job_id)
+    row = api.job(job_id, caller)
     if row.status is Status.FAILED and row.error:
         return told.problem_response(row.error)
     _check_successful(row)
     return _download(api, row, "results.json", inline=True)
 
 
-@router.get("/{job_id}/files", responses=problems(404, 409))
-def list_files(job_id: str, api: UseApi) -> FileList:
+@router.get("/{job_id}/files", responses=problems(401, 403, 404, 409))
+def list_files(job_id: str, api: UseApi, caller: Reads) -> FileList:
     """List the files of a successful job."""
-    row = api.job(job_id)
+    row = api.job(job_id, caller)
     _check_successful(row)
     return files_of(row)
 
@@ -96,19 +102,19 @@ def list_files(job_id: str, api: UseApi) -> FileList:
 @router.get(
     "/{job_id}/files/{name}",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, **problems(404, 409)},
+    responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 409)},
 )
-def download(job_id: str, name: str, api: UseApi) -> Response:
+def download(job_id: str, name: str, api: UseApi, caller: Reads) -> Response:
     """Download a file of a successful job."""
-    row = api.job(job_id)
+    row = api.job(job_id, caller)
     _check_successful(row)
     return _download(api, row, name)
 
 
-@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(404))
-def dismiss(job_id: str, api: UseApi) -> None:
+@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404))
+def dismiss(job_id: str, api: UseApi, caller: Writes) -> None:
     """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
-    row = api.jobs.find(job_id)
+    row = api.jobs.find(job_id, caller.tenant)
     if row is None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
@@ -117,13 +123,13 @@ def dismiss(job_id: str, api: UseApi) -> None:
     elif api.jobs.dismiss(job_id, row.status):
         api.queue.drop(job_id)
     else:
-        dismiss(job_id, api)  # it moved on between the two: a job moves a few times only
+        dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
 
 
-async def _wait(api: Api, job_id: str, seconds: int) -> JobRow:
+async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
     deadline = time.monotonic() + seconds
     while True:
-        row = await run_in_threadpool(api.job, job_id)
+        row = await run_in_threadpool(api.job, job_id, caller)
         if row.status.is_final or time.monotonic() >= deadline:
             return row
         await asyncio.sleep(WAIT_LOOK_S)

@@ -7,6 +7,7 @@ from pipeline import Format
 from service import version
 from service.api import UseApi
 from service.errors import NotReady
+from service.identity import Reads
 from service.job_types import JOB_TYPES
 from service.problems import problems
 from service.schemas import Health, Limits, Version
@@ -36,8 +37,8 @@ def get_version() -> Version:
     return Version(version=version.VERSION)
 
 
-@router.get("/v1/limits")
-def limits(api: UseApi) -> Limits:
+@router.get("/v1/limits", responses=problems(401, 403))
+def limits(api: UseApi, _: Reads) -> Limits:
     """Say what this server accepts."""
     return Limits(
         max_upload_mib=api.settings.max_upload_mib,

@@ -75,10 +75,17 @@ def test_nothing_is_kept_that_does_not_fit_or_is_not_wanted(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     "changed",
-    [{"blob_id": "sha256:b"}, {"design": {"unit": "m", "filename": "a.stl"}}, {"settings": {"x": 2}}, {"seed": 1}],
+    [
+        {"tenant": "other"},
+        {"blob_id": "sha256:b"},
+        {"design": {"unit": "m", "filename": "a.stl"}},
+        {"settings": {"x": 2}},
+        {"seed": 1},
+    ],
 )
 def test_all_that_an_analysis_follows_from_is_in_its_name(changed: dict[str, Any]) -> None:
     given: dict[str, Any] = {
+        "tenant": "own",
         "blob_id": "sha256:a",
         "design": {"unit": "mm", "filename": "a.stl"},
         "settings": {"x": 1},
