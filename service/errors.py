@@ -58,6 +58,14 @@ class Forbidden(ServiceError):
     code = "forbidden"
 
 
+class IdempotencyMismatch(ServiceError):
+    code = "idempotency_mismatch"
+
+
+class DigestMismatch(ServiceError):
+    code = "digest_mismatch"
+
+
 class NotFound(ServiceError):
     code = "not_found"
 
@@ -133,6 +141,8 @@ TABLE: dict[type[Exception], Row] = {
     UnsupportedType: Row(422, "This version does not run this type of job"),
     UnsupportedOption: Row(422, "This version does not have this option"),
     UnknownBlob: Row(422, "The blob is not stored here"),
+    IdempotencyMismatch: Row(422, "The idempotency key was used for another request"),
+    DigestMismatch: Row(422, "The content is not what its digest says"),
     PayloadTooLarge: Row(413, "The request is too large"),
     UnsupportedMediaType: Row(415, "The media type is not supported"),
     # who asks

@@ -52,6 +52,10 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.UnsupportedMediaType(
         "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), or application/json"
     ),
+    errors.IdempotencyMismatch(
+        f"Idempotency-Key 'order-7': job {JOB_ID} was started with it for other meshes or options; use a new key"
+    ),
+    errors.DigestMismatch("Content-Digest says sha-256 l5wr...; what came has qNsE...; send it again"),
     errors.Unauthorized("the API key is not known here, or it was revoked; ask for another one"),
     errors.Forbidden("this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read"),
     errors.NotFound("nothing is at /v1/job; see /docs"),

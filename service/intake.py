@@ -1,8 +1,10 @@
 """From a request to a stored job. A file is looked at just enough to refuse what cannot be a mesh; it is parsed
 in the job's own process only."""
 
+import hashlib
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import IO, Any
 
 import structlog
@@ -12,13 +14,16 @@ from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
 from pipeline import detect_format
+from service import digests
 from service.api import Api
 from service.blobs import Upload
 from service.errors import (
     BadRequest,
+    IdempotencyMismatch,
     InvalidRequest,
     PayloadTooLarge,
     QueueFull,
+    ServiceError,
     UnknownBlob,
     UnsupportedMediaType,
 )
@@ -57,17 +62,34 @@ class Source:
     filename: str | None
 
 
-async def accept_job(request: Request, api: Api, caller: Caller) -> JobRow:
-    """Read a multipart or JSON request, store the job, queue it."""
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A job as it was asked for. inputs : mesh name -> blob and filename"""
+
+    job_type: JobType
+    inputs: dict[str, Any]
+    options: Options
+
+    def sha256(self) -> str:
+        """Of the meshes' content, what decides their format, and the options."""
+        meshes = {name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()}
+        made_of = [self.job_type, meshes, self.options.model_dump(mode="json")]
+        return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+
+
+async def accept_job(request: Request, api: Api, caller: Caller, key: str | None) -> JobRow:
+    """Read a multipart or JSON request, store the job, queue it. key : the client's `Idempotency-Key`"""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "multipart/form-data":
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
-            return await run_in_threadpool(_from_form, api, caller, form)
-    if kind == "application/json":
-        return await run_in_threadpool(_from_json, api, caller, await _body(request))
-    raise UnsupportedMediaType(
-        f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
-    )
+            wanted = await run_in_threadpool(_from_form, api, caller, form)
+    elif kind == "application/json":
+        wanted = await run_in_threadpool(_from_json, api, caller, await _body(request))
+    else:
+        raise UnsupportedMediaType(
+            f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
+        )
+    return await run_in_threadpool(_store, api, caller, key, wanted)
 
 
 async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
@@ -81,10 +103,15 @@ async def accept_blob(request: Request, api: Api, caller: Caller, filename: str 
         writer.abort()
         raise
     upload = await run_in_threadpool(writer.finish)
+    try:
+        digests.check(request.headers.get("content-digest"), upload.sha256)
+    except ServiceError:
+        await run_in_threadpool(api.blobs.discard, upload)
+        raise
     return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
-def _from_form(api: Api, caller: Caller, form: FormData) -> JobRow:
+def _from_form(api: Api, caller: Caller, form: FormData) -> Wanted:
     job_type = parse_type(_text(form, "type", "registration"))
     given = sorted({name for name, _ in form.multi_items()})
     check_meshes(job_type, given)
@@ -98,10 +125,10 @@ def _from_form(api: Api, caller: Caller, form: FormData) -> JobRow:
     _check_room(api)
     blobs = _keep(api, caller, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
-    return _store(api, caller, job_type, inputs, options)
+    return Wanted(job_type, inputs, options)
 
 
-def _from_json(api: Api, caller: Caller, body: bytes) -> JobRow:
+def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
     try:
         given = json.loads(body)
     except ValueError as error:
@@ -121,28 +148,38 @@ def _from_json(api: Api, caller: Caller, body: bytes) -> JobRow:
         if api.jobs.blob(ref.blob, caller.tenant) is None or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
     _check_room(api)
-    return _store(api, caller, job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
-def _store(api: Api, caller: Caller, job_type: JobType, inputs: dict[str, Any], options: Options) -> JobRow:
+def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
     row = JobRow(
         id=new_id(),
         tenant=caller.tenant,
-        type=job_type,
-        inputs=inputs,
-        options=options.model_dump(mode="json"),
-        label=options.label,
+        type=wanted.job_type,
+        inputs=wanted.inputs,
+        options=wanted.options.model_dump(mode="json"),
+        label=wanted.options.label,
         attempt=0,
         crashes=0,
         progress=0.0,
     )
-    api.jobs.add(row)
+    if key is None:
+        api.jobs.add(row)
+    else:
+        stored = api.jobs.add_once(row, key, wanted.sha256())
+        if stored is None:
+            raise IdempotencyMismatch(
+                f"Idempotency-Key {key!r}: a job was started with it for other meshes or options; use a new key"
+            )
+        if stored.id != row.id:
+            log.info("job known by its idempotency key", job_id=stored.id)
+            return stored
     try:
         api.queue.enqueue(row.id)
     except Exception:
         # The row is committed, so the job is safe: the reaper enqueues it.
         log.exception("enqueue failed", job_id=row.id)
-    log.info("job accepted", job_id=row.id, type=job_type, label=row.label)
+    log.info("job accepted", job_id=row.id, type=row.type, label=row.label)
     return row
 
 

@@ -2,12 +2,14 @@
 who comes second, or comes back from the dead, changes nothing and is told so."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from sqlalchemy import Engine, delete, func, select, update
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import sessionmaker
 
-from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, JobRow, WorkerRow, check_move, now_ms
+from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, IdempotencyRow, JobRow, WorkerRow, check_move, now_ms
 from service.schemas import JobType, Problem, Status
 
 
@@ -25,6 +27,35 @@ class JobStore:
         row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
         with self._session.begin() as session:
             session.add(row)
+
+    def add_once(self, row: JobRow, key: str, request_sha256: str) -> JobRow | None:
+        """Store a new job under the client's key, in one transaction. When the key stands for a job that is still there,
+        that one is returned instead; None when it stands for another request.
+        """
+        given = IdempotencyRow(
+            tenant=row.tenant, key=key, request_sha256=request_sha256, job_id=row.id, created_ms=self._clock_ms()
+        )
+        row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
+        try:
+            with self._session.begin() as session:
+                session.add(given)
+                session.flush()  # the key first: of two requests at once the second fails here
+                session.add(row)
+        except IntegrityError:
+            return self._known(row, key, request_sha256)
+        return row
+
+    def _known(self, row: JobRow, key: str, request_sha256: str) -> JobRow | None:
+        with self._session.begin() as session:
+            known = session.get_one(IdempotencyRow, (row.tenant, key))
+            if known.request_sha256 != request_sha256:
+                return None
+            job = session.get(JobRow, known.job_id)
+            if job is not None and job.removed_ms is None:
+                return job
+            known.job_id = row.id  # its job was removed: the same request starts anew
+            session.add(row)
+            return row
 
     def get(self, job_id: str, tenant: str = DEFAULT_TENANT) -> JobRow | None:
         """The tenant's job, unless it is unknown or removed."""
@@ -166,7 +197,7 @@ class JobStore:
     def add_blob(self, blob_id: str, size: int, mesh_format: str, tenant: str = DEFAULT_TENANT) -> None:
         """Note a stored blob; the same content again is the same blob."""
         row = BlobRow(tenant=tenant, id=blob_id, size=size, format=mesh_format, created_ms=self._clock_ms())
-        with self._session.begin() as session:
+        with suppress(IntegrityError), self._session.begin() as session:  # sent twice at the same moment
             session.merge(row)
 
     def blob(self, blob_id: str, tenant: str = DEFAULT_TENANT) -> BlobRow | None:

@@ -85,6 +85,18 @@ class BlobRow(Base):
     created_ms: Mapped[int] = mapped_column(BigInteger)
 
 
+class IdempotencyRow(Base):
+    """What a client's `Idempotency-Key` stands for; request_sha256 : of the inputs' content and the options"""
+
+    __tablename__ = "idempotency_keys"
+
+    tenant: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key: Mapped[str] = mapped_column(String(255), primary_key=True)
+    request_sha256: Mapped[str] = mapped_column(String(64))
+    job_id: Mapped[str] = mapped_column(String(36))
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+
+
 class WorkerRow(Base):
     """A worker process that was alive at `heartbeat_ms`."""
 

@@ -3,15 +3,18 @@
 import asyncio
 import re
 import time
+from collections.abc import AsyncIterable
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from service import problems as told
 from service.api import Api, UseApi
+from service.digests import content_digest
 from service.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
 from service.etags import conditional_json
 from service.identity import Reads, Writes
@@ -31,13 +34,27 @@ WAIT_LOOK_S = 0.1
 
 
 @router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 503), openapi_extra=JOB_BODY)
-async def submit(request: Request, response: Response, api: UseApi, caller: Writes) -> Job:
+async def submit(
+    request: Request,
+    response: Response,
+    api: UseApi,
+    caller: Writes,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            min_length=1,
+            max_length=255,
+            pattern=r"^[\x21-\x7e]+$",
+            description="yours: sent again with the same meshes and options it gives the same job",
+        ),
+    ] = None,
+) -> Job:
     """Start a job, with its meshes as files of a form or as blobs that were sent before.
 
     `type` says what to do: `registration` (the default) puts `scan` on `design`; `landmarks` finds segments and
     landmarks of one `mesh`; `study` measures how much landmarks tell about one `mesh`.
     """
-    row = await accept_job(request, api, caller)
+    row = await accept_job(request, api, caller, idempotency_key)
     response.headers["Location"] = f"/v1/jobs/{row.id}"
     response.headers["Retry-After"] = str(RETRY_AFTER_S)
     return job_of(row)
@@ -79,6 +96,35 @@ async def status(
     if seconds:
         headers["Preference-Applied"] = f"wait={seconds}"
     return conditional_json(request, job_of(row).model_dump_json(), headers)
+
+
+def _existing(job_id: str, api: UseApi, caller: Reads) -> JobRow:
+    """Before the stream begins, so that a wrong id is a 404."""
+    return api.job(job_id, caller)
+
+
+@router.get(
+    "/{job_id}/events",
+    response_class=EventSourceResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404)},
+)
+async def events(
+    job_id: str, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
+) -> AsyncIterable[ServerSentEvent]:
+    """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
+    told = None
+    while True:
+        try:
+            row = await run_in_threadpool(api.job, job_id, caller)
+        except JobNotFound:  # removed while we watched
+            return
+        job = job_of(row)
+        if job != told:
+            told = job
+            yield ServerSentEvent(event="status", data=job.model_dump(mode="json"))
+        if job.is_final:
+            return
+        await asyncio.sleep(WAIT_LOOK_S)
 
 
 @router.get("/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 500))
@@ -152,7 +198,11 @@ def _download(api: Api, row: JobRow, name: str, *, inline: bool = False) -> Resp
     entry = next((entry for entry in row.files or [] if entry["name"] == name), None)
     if entry is None or row.published_attempt is None:
         raise FileNotInJob(f"job {row.id} has no file {name!r}; see /v1/jobs/{row.id}/files")
-    headers = {"Content-Length": str(entry["size"]), "ETag": f'"{entry["sha256"]}"'}
+    headers = {
+        "Content-Length": str(entry["size"]),
+        "ETag": f'"{entry["sha256"]}"',
+        "Content-Digest": content_digest(entry["sha256"]),
+    }
     if not inline:
         headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(name)}"
     content = api.blobs.read(row.id, row.published_attempt, name)
