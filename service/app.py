@@ -10,6 +10,7 @@ from service import problems, version
 from service.api import Api
 from service.blobs import BlobStore
 from service.engine import DbosQueue, Queue
+from service.gunzip import Gunzip
 from service.job_store import JobStore
 from service.keys import KeyStore
 from service.limits import BodyLimit
@@ -40,6 +41,7 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
     # errors
     problems.install(app)
     # middleware
+    app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
     # documentation
     describe(app)
