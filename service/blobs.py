@@ -8,6 +8,7 @@ import hashlib
 import mimetypes
 import uuid
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -103,6 +104,13 @@ class BlobStore:
         except FileNotFoundError:
             return False
         return True
+
+    def remove(self, blob_id: str, *, older_than_ms: int) -> None:
+        """Delete the content, unless it was sent again since then."""
+        key = _blob_key(blob_id)
+        with suppress(FileNotFoundError):
+            if obstore.head(self._store, key)["last_modified"].timestamp() * 1000 < older_than_ms:
+                obstore.delete(self._store, key)
 
     def fetch(self, blob_id: str, path: Path) -> None:
         """Write the blob's content to `path`. Raises FileNotFoundError when it is gone."""

@@ -145,7 +145,7 @@ def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
         raise invalid_request(error) from error
     inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
-        if api.jobs.blob(ref.blob, caller.tenant) is None or not api.blobs.has(ref.blob):
+        if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
     _check_room(api)
     return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)

@@ -205,6 +205,63 @@ class JobStore:
         with self._session() as session:
             return session.get(BlobRow, (tenant, blob_id))
 
+    def touch_blob(self, blob_id: str, tenant: str) -> bool:
+        """Make the tenant's blob new, for a job that names it; False when it is not there (any more)."""
+        with self._session.begin() as session:
+            done = session.execute(
+                update(BlobRow)
+                .where(BlobRow.tenant == tenant, BlobRow.id == blob_id)
+                .values(created_ms=self._clock_ms())
+                .returning(BlobRow.id)
+            )
+            return done.scalar_one_or_none() is not None
+
+    # --- retention
+
+    def finished_before(self, before_ms: int, limit: int) -> Sequence[str]:
+        """Ids of jobs that ended before then and were not removed, oldest first."""
+        final = [status for status in Status if status.is_final]
+        query = select(JobRow.id).where(
+            JobRow.status.in_(final), JobRow.removed_ms.is_(None), JobRow.finished_ms < before_ms
+        )
+        with self._session() as session:
+            return session.scalars(query.order_by(JobRow.id).limit(limit)).all()
+
+    def forget_removed(self, before_ms: int, limit: int) -> int:
+        """Delete the rows of jobs that were removed before then. Returns how many."""
+        with self._session.begin() as session:
+            due = session.scalars(select(JobRow.id).where(JobRow.removed_ms < before_ms).limit(limit)).all()
+            session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(due)))
+            session.execute(delete(JobRow).where(JobRow.id.in_(due)))
+        return len(due)
+
+    def blobs_of_unfinished(self) -> set[str]:
+        """Ids of the meshes that waiting and running jobs need."""
+        query = select(JobRow.inputs).where(JobRow.status.in_([Status.ACCEPTED, Status.RUNNING]))
+        with self._session() as session:
+            return {given["blob"] for inputs in session.scalars(query) for given in inputs.values()}
+
+    def blobs_before(self, before_ms: int, limit: int) -> Sequence[BlobRow]:
+        """Blobs that were sent or named last before then, oldest first."""
+        query = select(BlobRow).where(BlobRow.created_ms < before_ms)
+        with self._session() as session:
+            return session.scalars(query.order_by(BlobRow.created_ms, BlobRow.id).limit(limit)).all()
+
+    def forget_blob(self, blob: BlobRow, before_ms: int) -> bool:
+        """Delete the tenant's row, unless the blob was made new meanwhile."""
+        with self._session.begin() as session:
+            done = session.execute(
+                delete(BlobRow)
+                .where(BlobRow.tenant == blob.tenant, BlobRow.id == blob.id, BlobRow.created_ms < before_ms)
+                .returning(BlobRow.id)
+            )
+            return done.scalar_one_or_none() is not None
+
+    def has_blob(self, blob_id: str) -> bool:
+        """True when any tenant has it."""
+        with self._session() as session:
+            return session.scalar(select(BlobRow.id).where(BlobRow.id == blob_id).limit(1)) is not None
+
     # --- how changes are made
 
     def _finish(self, job_id: str, attempt: int, status: Status, **values: Any) -> bool:

@@ -25,6 +25,9 @@ class ServiceSettings(BaseSettings):
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
     max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
     design_cache_mib: int = Field(2048, ge=0, description="analyses of designs kept for their next scans; 0: none")
+    retention_h: float = Field(
+        720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: for ever"
+    )
     queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
     worker_id: str = Field("worker-1", min_length=1, description="name of the worker; stays the same over restarts")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")

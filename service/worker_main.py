@@ -13,6 +13,7 @@ from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
 from service.reaper import Reaper
+from service.retention import Retention
 from service.sandbox import Limits, Sandbox, SandboxError
 from service.settings import ServiceSettings
 from service.store import open_database
@@ -21,6 +22,7 @@ from service.worker import Worker
 EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
 BEAT_INTERVAL_S = 1.0
 SWEEP_INTERVAL_S = 5.0
+RETENTION_INTERVAL_S = 60.0
 STOP_TIMEOUT_S = 5.0
 log = structlog.get_logger()
 
@@ -46,7 +48,8 @@ def run_worker(settings: ServiceSettings) -> int:
     reaper.at_start(settings.worker_id)
     DbosRunner(settings.queue_path, settings.worker_id, settings.jobs, worker.run).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
-    _tend(settings.worker_id, jobs, reaper, worker, stop)
+    retention = Retention(jobs, blobs, settings.retention_h)
+    _tend(settings.worker_id, jobs, (reaper, retention), worker, stop)
     in_time = worker.stop(STOP_TIMEOUT_S)
     sandbox.stop()
     jobs.worker_gone(settings.worker_id)
@@ -57,15 +60,21 @@ def run_worker(settings: ServiceSettings) -> int:
     return 0
 
 
-def _tend(worker_id: str, jobs: JobStore, reaper: Reaper, worker: Worker, stop: threading.Event) -> None:
-    """Until told to stop: say that this worker lives, and look for lost jobs."""
-    swept_at = float("-inf")
+def _tend(
+    worker_id: str, jobs: JobStore, sweepers: tuple[Reaper, Retention], worker: Worker, stop: threading.Event
+) -> None:
+    """Until told to stop: say that this worker lives, look for lost jobs, and let go what is old."""
+    reaper, retention = sweepers
+    swept_at = let_go_at = float("-inf")
     while worker.broken is None:
         try:
             jobs.worker_beat(worker_id)
             if time.monotonic() - swept_at >= SWEEP_INTERVAL_S:
                 swept_at = time.monotonic()
                 reaper.sweep()
+            if time.monotonic() - let_go_at >= RETENTION_INTERVAL_S:
+                let_go_at = time.monotonic()
+                retention.sweep()
         except Exception:
             log.exception("sweep failed")  # a busy database, most likely; the next one does it
         if stop.wait(BEAT_INTERVAL_S):
