@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import types
 import typing
 import zipfile
@@ -36,7 +37,7 @@ def write(path: Path, record: Any) -> None:
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     meta = _taken(record, "r", arrays)
     arrays[_META] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
-    passing = path.with_name(f"{path.name}.part")
+    passing = path.with_name(f"{path.name}.{os.getpid()}.part")  # two workers may meet the same design at once
     with passing.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
     passing.replace(path)

@@ -11,6 +11,7 @@ from service.errors import JobNotFound
 from service.job_store import JobStore
 from service.jobs import JobRow
 from service.keys import Caller, KeyStore
+from service.metrics import Metrics
 from service.settings import ServiceSettings
 
 
@@ -23,6 +24,7 @@ class Api:
     blobs: BlobStore
     queue: Queue
     keys: KeyStore
+    metrics: Metrics
 
     def job(self, job_id: str, caller: Caller) -> JobRow:
         """The caller's job, or the problem that there is none: another tenant's is as if it were not there."""

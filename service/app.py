@@ -14,6 +14,7 @@ from service.gunzip import Gunzip
 from service.job_store import JobStore
 from service.keys import KeyStore
 from service.limits import BodyLimit
+from service.metrics import Metrics
 from service.openapi import describe
 from service.routes import blobs, jobs, service
 from service.settings import MIB, ServiceSettings
@@ -30,7 +31,14 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
         with ExitStack() as stack:
             stack.callback(engine.dispose)
             tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue_path)))
-            app.state.api = Api(settings, JobStore(engine), BlobStore(settings.blob_dir), tickets, KeyStore(engine))
+            app.state.api = Api(
+                settings,
+                JobStore(engine),
+                BlobStore(settings.blob_dir),
+                tickets,
+                KeyStore(engine),
+                Metrics(engine, settings.data_dir),
+            )
             yield
 
     app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)

@@ -46,4 +46,5 @@ def _with(scope: Scope) -> Callable[[Caller], Caller]:
 
 
 Reads = Annotated[Caller, Depends(_with(Scope.READ))]
+Admins = Annotated[Caller, Depends(_with(Scope.ADMIN))]
 Writes = Annotated[Caller, Depends(_with(Scope.WRITE))]

@@ -198,6 +198,8 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
     for name, (upload, _) in uploads.items():
         api.blobs.keep(upload)
         api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
+        api.metrics.add("cusp_uploads", {formats[name].value: 1})
+        api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
         blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
     return blobs
 

@@ -28,6 +28,7 @@ class ServiceSettings(BaseSettings):
     retention_h: float = Field(
         720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: for ever"
     )
+    min_free_disk_mib: int = Field(1024, ge=0, description="with less room on the data volume /readyz says not_ready")
     queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
     worker_id: str = Field("worker-1", min_length=1, description="name of the worker; stays the same over restarts")
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")

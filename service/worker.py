@@ -14,12 +14,39 @@ from service.blobs import BlobStore
 from service.design_cache import DesignCache
 from service.errors import InternalError, JobCrashed, problem_of
 from service.job_store import JobStore
+from service.job_types import ALL_MESHES
 from service.jobs import JobRow
+from service.metrics import Metrics
 from service.options import resolve_settings
 from service.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.schemas import Options
 
 log = structlog.get_logger()
+
+
+class StageClock:
+    """Seconds and passages by stage, from the progress that a job tells."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.passes: dict[str, float] = {}
+        self._now: tuple[str, str] | None = None
+        self._since = 0.0
+
+    def enter(self, stage: str, message: str) -> None:
+        """A stage goes on, or another begins; of one stage each mesh is a passage."""
+        mesh = message.removeprefix(f"{stage}: ") if message.removeprefix(f"{stage}: ") in ALL_MESHES else ""
+        if self._now != (stage, mesh):
+            self.end()
+            self._now, self._since = (stage, mesh), time.monotonic()
+            self.passes[stage] = self.passes.get(stage, 0.0) + 1
+
+    def end(self) -> None:
+        """The stage that runs ends now."""
+        if self._now is not None:
+            stage = self._now[0]
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - self._since
+            self._now = None
 
 
 class Worker:
@@ -33,9 +60,10 @@ class Worker:
         designs: DesignCache,
         sandbox: Sandbox,
         scratch: Path,
+        metrics: Metrics,
     ) -> None:
         self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
-        self._sandbox, self._scratch = sandbox, scratch
+        self._sandbox, self._scratch, self._metrics = sandbox, scratch, metrics
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -87,8 +115,10 @@ class Worker:
         folder.mkdir(parents=True, exist_ok=True)
         task = self._task(row, folder)
         beat = self._jobs.beat
+        clock = StageClock()
 
         def on_progress(stage: str, percent: float, message: str) -> None:
+            clock.enter(stage, message)
             beat(
                 row.id,
                 row.attempt,
@@ -101,6 +131,8 @@ class Worker:
             return not self._stopping.is_set() and beat(row.id, row.attempt)
 
         outcome = self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
+        clock.end()
+        self._count(row, task, outcome, clock)
         if outcome.kind == "done":
             self._keep_design(task)
         return outcome
@@ -130,6 +162,22 @@ class Worker:
             log.info("design known" if known else "design new", design=row.inputs["design"]["blob"])
             task["design_known"] = known
         return task
+
+    def _count(self, row: JobRow, task: dict[str, Any], outcome: Outcome, clock: "StageClock") -> None:
+        """For /metrics. A count that cannot be made fails no job."""
+        handed_back = outcome.kind == "unwanted" and self._stopping.is_set()
+        ended = {"done": "successful", "unwanted": "handed_back" if handed_back else "dismissed"}.get(outcome.kind)
+        code = ended or (outcome.problem.code if outcome.problem else "job_crashed")
+        try:
+            self._metrics.add("cusp_jobs_ended", {code: 1})
+            self._metrics.add("cusp_stage_seconds", clock.seconds)
+            self._metrics.add("cusp_stage_passes", clock.passes)
+            if "design_known" in task:
+                self._metrics.add("cusp_designs", {"yes" if task["design_known"] else "no": 1})
+            if outcome.peak_mib:
+                self._metrics.peak_mib(row.type, outcome.peak_mib)
+        except Exception:
+            log.exception("not counted")
 
     def _keep_design(self, task: dict[str, Any]) -> None:
         """Keep the analysis that a job made of its design. A cache that is full or gone fails no job."""

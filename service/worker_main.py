@@ -12,6 +12,7 @@ from service.blobs import BlobStore
 from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
+from service.metrics import Metrics
 from service.reaper import Reaper
 from service.retention import Retention
 from service.sandbox import Limits, Sandbox, SandboxError
@@ -43,7 +44,8 @@ def run_worker(settings: ServiceSettings) -> int:
     shutil.rmtree(settings.scratch_dir, ignore_errors=True)  # of a worker that was killed
     settings.scratch_dir.mkdir(mode=0o700)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, settings.scratch_dir)
+    metrics = Metrics(engine, settings.data_dir)
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)
     reaper = Reaper(jobs, DbosQueue(settings.queue_path))
     reaper.at_start(settings.worker_id)
     DbosRunner(settings.queue_path, settings.worker_id, settings.jobs, worker.run).start()

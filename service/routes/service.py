@@ -1,16 +1,20 @@
 """The service itself: probes, version, limits, and what is at the root."""
 
-from fastapi import APIRouter
+import shutil
+
+from fastapi import APIRouter, Response
 from fastapi.responses import RedirectResponse
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 
 from pipeline import Format
 from service import version
 from service.api import UseApi
 from service.errors import NotReady
-from service.identity import Reads
+from service.identity import Admins, Reads
 from service.job_types import JOB_TYPES
 from service.problems import problems
 from service.schemas import Health, Limits, Version
+from service.settings import MIB
 
 router = APIRouter(tags=["service"])
 
@@ -25,10 +29,26 @@ def livez() -> Health:
 
 @router.get("/readyz", responses=problems(503))
 def readyz(api: UseApi) -> Health:
-    """Say that jobs are taken and run: the database answers and a worker lives."""
+    """Say that jobs are taken and run: the database answers, a worker lives and the disk has room."""
     if not api.jobs.has_worker(WORKER_SILENT_MS):
         raise NotReady("no worker is alive; jobs are accepted and wait for one")
+    free_mib = shutil.disk_usage(api.settings.data_dir).free // MIB
+    if free_mib < api.settings.min_free_disk_mib:
+        raise NotReady(
+            f"{free_mib} MiB are free on the data volume, CUSP_MIN_FREE_DISK_MIB asks for {api.settings.min_free_disk_mib}: "
+            "make room, or lower CUSP_RETENTION_H"
+        )
     return Health()
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}}, **problems(401, 403)},
+)
+def metrics(api: UseApi, _: Admins) -> Response:
+    """Say how it goes, for Prometheus; with API keys, to one with the scope `admin`."""
+    return Response(api.metrics.exposition(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
 @router.get("/version")

@@ -12,6 +12,7 @@ nearest true pose; translation error: distance between the scan's centroids unde
 """
 
 import argparse
+import hashlib
 import json
 import os
 import tempfile
@@ -167,12 +168,14 @@ def _icp_from(truth: FloatArray, case: Case, points: FloatArray, surface: Surfac
     ).T_target_source
 
 
-def run_cusp(case: Case) -> Row:
+def run_cusp(case: Case, kept: Path | None = None) -> Row:
+    """kept : folder with the analyses of designs, as a worker keeps them for the next scan; None makes each anew"""
     with tempfile.TemporaryDirectory() as folder:
         design, scan = save(case.design, Path(folder) / "design.ply"), save(case.scan, Path(folder) / "scan.ply")
+        cache = None if kept is None else kept / f"{hashlib.sha256(design.read_bytes()).hexdigest()}.npz"
         clock = Clock()
         try:
-            result = pipeline.register(design, scan)
+            result = pipeline.register(design, scan, design_cache=cache)
         except pipeline.PipelineError as refused:
             return _row(case, CUSP, f"refused: {refused.code}", clock.read(), None)
         took = clock.read()
@@ -227,7 +230,7 @@ def compared(spec: Spec) -> bool:
     }
 
 
-def run_spec(spec: Spec, tools: tuple[str, ...]) -> list[Row]:
+def run_spec(spec: Spec, tools: tuple[str, ...], kept: Path | None) -> list[Row]:
     """In a worker: the case is made once for all tools."""
     try:
         case = gauntlet_cases.build(spec)
@@ -236,7 +239,7 @@ def run_spec(spec: Spec, tools: tuple[str, ...]) -> list[Row]:
     rows = []
     for tool in tools:
         try:
-            rows.append(run_cusp(case) if tool == CUSP else run_peer(case, tool))
+            rows.append(run_cusp(case, kept) if tool == CUSP else run_peer(case, tool))
         except Exception as failed:  # a crash of one case is a line in the list, not the end of the run
             rows.append(_with(_row(case, tool, "crashed", NO_TIME, None), detail=repr(failed)[:300]))
     return rows
@@ -288,7 +291,9 @@ def read_rows(path: Path) -> dict[tuple[str, str], Row]:
     return last
 
 
-def run(todo: list[tuple[Spec, tuple[str, ...]]], processes: int) -> Iterator[tuple[Spec, list[Row]]]:
+def run(
+    todo: list[tuple[Spec, tuple[str, ...]]], processes: int, kept: Path | None
+) -> Iterator[tuple[Spec, list[Row]]]:
     """Case by case as they finish. A case whose process dies is tried once more alone, then written down as such."""
     suspects: list[tuple[Spec, tuple[str, ...]]] = []
     left = iter(todo)
@@ -296,7 +301,7 @@ def run(todo: list[tuple[Spec, tuple[str, ...]]], processes: int) -> Iterator[tu
         with _pool(processes) as pool:
             running: dict[Future[list[Row]], tuple[Spec, tuple[str, ...]]] = {}
             while batch or running:
-                running |= {pool.submit(run_spec, *task): task for task in batch}
+                running |= {pool.submit(run_spec, *task, kept): task for task in batch}
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 broken = False
                 for future in done:
@@ -313,7 +318,7 @@ def run(todo: list[tuple[Spec, tuple[str, ...]]], processes: int) -> Iterator[tu
     for spec, tools in suspects:
         try:
             with _pool(1) as pool:
-                yield spec, pool.submit(run_spec, spec, tools).result()
+                yield spec, pool.submit(run_spec, spec, tools, kept).result()
         except BrokenProcessPool:
             yield (
                 spec,
@@ -447,6 +452,7 @@ def main() -> None:
     parser.add_argument("--groups", help="only these, with commas between")
     parser.add_argument("--limit", type=int, help="only so many cases, from the first")
     parser.add_argument("--out", type=Path, help="a line of JSON a case and tool; what is in it is not run again")
+    parser.add_argument("--design-cache", type=Path, help="folder that keeps the analyses of designs, as a worker does")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--table", type=Path, metavar="FILE", help="run nothing, print the tables of this file")
     options = parser.parse_args()
@@ -455,12 +461,14 @@ def main() -> None:
         table(options.table, console)
         return
     os.environ |= dict.fromkeys(ONE_THREAD, "1")  # for the workers: as many threads as processes
+    if options.design_cache is not None:
+        options.design_cache.mkdir(parents=True, exist_ok=True)
     log = Log(options.out)
     todo, done = wanted(options, console), log.done()
     missing = [(spec, tuple(tool for tool in tools if (spec.name, tool) not in done)) for spec, tools in todo]
     missing = [(spec, tools) for spec, tools in missing if tools]
     start = time.perf_counter()
-    for number, (_, rows) in enumerate(run(missing, options.processes), start=1):
+    for number, (_, rows) in enumerate(run(missing, options.processes, options.design_cache), start=1):
         log.add(rows)
         elapsed = time.perf_counter() - start
         for row in rows:

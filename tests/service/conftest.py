@@ -20,6 +20,7 @@ from service.app import create_app
 from service.blobs import BlobStore
 from service.design_cache import DesignCache
 from service.job_store import JobStore
+from service.metrics import Metrics
 from service.sandbox import Outcome
 from service.settings import ServiceSettings
 from service.store import migrate, open_database
@@ -140,9 +141,8 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
         NotingQueue(),
         ScriptedSandbox(),
     )
-    worker = Worker(
-        "worker-1", jobs, blobs, DesignCache(blobs.store, settings.design_cache_mib), sandbox, settings.scratch_dir
-    )  # type: ignore[arg-type]
+    designs, metrics = DesignCache(blobs.store, settings.design_cache_mib), Metrics(engine, settings.data_dir)
+    worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
     with serving(create_app(settings, queue)) as address, httpx.Client(base_url=address, timeout=30) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()
