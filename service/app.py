@@ -27,14 +27,14 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         tempfile.tempdir = str(settings.tmp_dir)  # where form uploads spill to
-        engine = open_database(settings.database_path)
+        engine = open_database(settings.database)
         with ExitStack() as stack:
             stack.callback(engine.dispose)
-            tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue_path)))
+            tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue)))
             app.state.api = Api(
                 settings,
                 JobStore(engine),
-                BlobStore(settings.blob_dir),
+                BlobStore(settings.blobs),
                 tickets,
                 KeyStore(engine),
                 Metrics(engine, settings.data_dir),

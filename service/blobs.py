@@ -1,11 +1,12 @@
 """Bytes: uploaded meshes by their content, and the files of results by job and attempt.
 
-Everything goes through obstore, so that a later version can keep them in S3 by a setting. An upload is written
-once, under a passing name, while it is hashed; a rename then gives it the name that its content has.
+Everything goes through obstore: a folder or an S3 bucket, by the URL alone. An upload is written once, under a passing
+name, while it is hashed; a rename then gives it the name that its content has.
 """
 
 import hashlib
 import mimetypes
+import os
 import uuid
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import IO
 
 import obstore
-from obstore.store import LocalStore
+from obstore.store import LocalStore, ObjectStore, S3Store
 
 from pipeline import HEAD_BYTES
 
@@ -40,7 +41,7 @@ class Upload:
 class UploadWriter:
     """Takes an upload chunk by chunk; `finish` or `abort` it."""
 
-    def __init__(self, store: LocalStore) -> None:
+    def __init__(self, store: ObjectStore) -> None:
         self._store = store
         self._key = f"incoming/{uuid.uuid4()}"
         self._writer = obstore.open_writer(store, self._key)
@@ -67,14 +68,27 @@ class UploadWriter:
         obstore.delete(self._store, self._key)
 
 
+def open_store(url: str) -> ObjectStore:
+    """A folder (`file:///path`, made when it is missing) or a bucket (`s3://bucket/prefix`), which has to be there.
+
+    Credentials, region and endpoint of S3 are read from the usual `AWS_*` variables.
+    """
+    if url.startswith("file://"):
+        return LocalStore(url.removeprefix("file://"), mkdir=True)
+    bucket, _, prefix = url.removeprefix("s3://").partition("/")
+    endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or ""
+    plain = endpoint.startswith("http://")  # whoever gives such an address means it
+    return S3Store(bucket, prefix=prefix or None, client_options={"allow_http": plain})
+
+
 class BlobStore:
     """All bytes of one service. Safe to share between threads."""
 
-    def __init__(self, folder: Path) -> None:
-        self._store = LocalStore(folder, mkdir=True)
+    def __init__(self, url: str) -> None:
+        self._store = open_store(url)
 
     @property
-    def store(self) -> LocalStore:
+    def store(self) -> ObjectStore:
         """Where the bytes are, for what is kept beside the blobs."""
         return self._store
 
@@ -152,10 +166,11 @@ class BlobStore:
         for batch in obstore.list(self._store, prefix=f"results/{job_id}"):
             obstore.delete(self._store, [entry["path"] for entry in batch])
 
-    def clear_incoming(self) -> None:
-        """Delete what uploads left that were cut off by a crash; call only while nobody uploads."""
+    def clear_incoming(self, *, older_than_ms: int) -> None:
+        """Delete what uploads left that were cut off by a crash; give a time that no living upload began before."""
         for batch in obstore.list(self._store, prefix="incoming"):
-            obstore.delete(self._store, [entry["path"] for entry in batch])
+            old = [entry["path"] for entry in batch if entry["last_modified"].timestamp() * 1000 < older_than_ms]
+            obstore.delete(self._store, old)
 
 
 def _blob_key(blob_id: str) -> str:

@@ -1,6 +1,8 @@
 """The `cusp` command: the service, its client, and the method without a server."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -38,34 +40,32 @@ def up(
     ] = False,
 ) -> None:
     """Run the service: the API and a worker. Options win over CUSP_* variables."""
-    from service.keys import Exposed
     from service.logs import set_up_logs
-    from service.up import AlreadyRunning, run_up
+    from service.up import run_up
 
     given = {"host": host, "port": port, "data_dir": data_dir, "jobs": jobs, "allow_open": allow_open or None}
     settings = _settings(**given)
     set_up_logs(settings, "parent")
-    try:
-        code = run_up(settings)
-    except (AlreadyRunning, Exposed) as error:
-        _refuse(str(error))
-    raise typer.Exit(code)
+    with _refusing():
+        raise typer.Exit(run_up(settings))
 
 
-@app.command(hidden=True)
+@app.command()
 def api(parent: Parent = 0) -> None:
-    """Run the API alone."""
+    """Run the API alone, one of many on CUSP_DATABASE_URL and CUSP_BLOB_URL."""
     from service.api_main import run_api
 
-    raise typer.Exit(run_api(_part("api", parent)))
+    with _part("api", parent) as settings:
+        raise typer.Exit(run_api(settings))
 
 
-@app.command(hidden=True)
+@app.command()
 def worker(parent: Parent = 0) -> None:
-    """Run a worker alone."""
+    """Run a worker alone, one of many; each has a CUSP_WORKER_ID of its own."""
     from service.worker_main import run_worker
 
-    code = run_worker(_part("worker", parent))
+    with _part("worker", parent) as settings:
+        code = run_worker(settings)
     os._exit(code)  # a thread of DBOS that waits must not keep the process
 
 
@@ -83,16 +83,36 @@ def main() -> None:
     app()
 
 
-def _part(name: str, parent: int) -> ServiceSettings:
-    """What each process of `cusp up` does first."""
+@contextmanager
+def _part(name: str, parent: int) -> Iterator[ServiceSettings]:
+    """What each process does first: those of `cusp up` find all prepared, one that runs alone prepares."""
     from service.logs import set_up_logs
     from service.process import die_with_parent
+    from service.up import prepare
 
-    if parent:
-        die_with_parent(parent)
     settings = _settings()
     set_up_logs(settings, name)
-    return settings
+    if parent:
+        die_with_parent(parent)
+        yield settings
+        return
+    with _refusing():
+        lock = prepare(settings, name)
+    with lock:
+        yield settings
+
+
+@contextmanager
+def _refusing() -> Iterator[None]:
+    """What forbids to start, in one line."""
+    from service.keys import Exposed
+    from service.store import NoDatabase
+    from service.up import AlreadyRunning, NotApart
+
+    try:
+        yield
+    except (AlreadyRunning, Exposed, NotApart, NoDatabase) as error:
+        _refuse(str(error))
 
 
 def _settings(**given: object) -> ServiceSettings:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import obstore
-from obstore.store import LocalStore
+from obstore.store import ObjectStore
 
 from service.blobs import CHUNK_BYTES
 from service.version import VERSION
@@ -22,7 +22,7 @@ MIB = 1024 * 1024
 class DesignCache:
     """At most about `limit_mib`, the oldest deleted first; 0 keeps nothing. Safe to share between threads."""
 
-    def __init__(self, store: LocalStore, limit_mib: int) -> None:
+    def __init__(self, store: ObjectStore, limit_mib: int) -> None:
         self._store, self._limit = store, limit_mib * MIB
 
     def fetch(self, name: str, path: Path) -> bool:

@@ -175,7 +175,7 @@ def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
             log.info("job known by its idempotency key", job_id=stored.id)
             return stored
     try:
-        api.queue.enqueue(row.id)
+        api.queue.enqueue(row.id, row.turn)
     except Exception:
         # The row is committed, so the job is safe: the reaper enqueues it.
         log.exception("enqueue failed", job_id=row.id)

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Engine, delete, func, select, update
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import sessionmaker
+from sqlalchemy.orm import Session, sessionmaker
 
 from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, IdempotencyRow, JobRow, WorkerRow, check_move, now_ms
 from service.schemas import JobType, Problem, Status
@@ -26,6 +26,7 @@ class JobStore:
         """Store a new job as accepted. It is safe from here on: the reaper enqueues what nobody else did."""
         row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
         with self._session.begin() as session:
+            row.turn = _next_turn(session, row.tenant)
             session.add(row)
 
     def add_once(self, row: JobRow, key: str, request_sha256: str) -> JobRow | None:
@@ -40,6 +41,7 @@ class JobStore:
             with self._session.begin() as session:
                 session.add(given)
                 session.flush()  # the key first: of two requests at once the second fails here
+                row.turn = _next_turn(session, row.tenant)
                 session.add(row)
         except IntegrityError:
             return self._known(row, key, request_sha256)
@@ -54,6 +56,7 @@ class JobStore:
             if job is not None and job.removed_ms is None:
                 return job
             known.job_id = row.id  # its job was removed: the same request starts anew
+            row.turn = _next_turn(session, row.tenant)
             session.add(row)
             return row
 
@@ -92,10 +95,13 @@ class JobStore:
         with self._session() as session:
             return session.scalars(query).all()
 
-    def count(self, status: Status) -> int:
-        """How many jobs have this status."""
+    def count(self, status: Status, tenant: str | None = None) -> int:
+        """How many jobs have this status; with `tenant` only theirs."""
+        query = select(func.count()).where(JobRow.status == status)
+        if tenant is not None:
+            query = query.where(JobRow.tenant == tenant)
         with self._session() as session:
-            return session.scalar(select(func.count()).where(JobRow.status == status)) or 0
+            return session.scalar(query) or 0
 
     def dismiss(self, job_id: str, before: Status) -> bool:
         """Cancel a job that is `before`; the worker sees it and kills the child of a running one."""
@@ -149,9 +155,10 @@ class JobStore:
         """Give up an attempt without blame (the worker is asked to stop); another attempt starts later."""
         return self._move(job_id, Status.RUNNING, Status.ACCEPTED, JobRow.attempt == attempt, **_UNSTARTED)
 
-    def orphans(self, *, worker: str | None = None, silent_since_ms: int | None = None) -> Sequence[JobRow]:
-        """Running jobs of `worker`, or whose worker was not heard of since then."""
-        query = select(JobRow).where(JobRow.status == Status.RUNNING)
+    def orphans(self, *, worker: str | None = None, silent_since_ms: int | None = None) -> Sequence[str]:
+        """Ids of running jobs of `worker`, or whose worker was not heard of since then: ids only, for one row that cannot be
+        read must not hide the others."""
+        query = select(JobRow.id).where(JobRow.status == Status.RUNNING)
         if worker is not None:
             query = query.where(JobRow.worker == worker)
         if silent_since_ms is not None:
@@ -170,11 +177,11 @@ class JobStore:
         values = {**_UNSTARTED, "crashes": row.crashes + 1}
         return Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
 
-    def waiting_since(self, before_ms: int) -> Sequence[str]:
-        """Ids of accepted jobs created before then, oldest first."""
-        query = select(JobRow.id).where(JobRow.status == Status.ACCEPTED, JobRow.created_ms < before_ms)
+    def waiting_since(self, before_ms: int) -> dict[str, int]:
+        """Accepted jobs created before then, oldest first, and the turn of each."""
+        query = select(JobRow.id, JobRow.turn).where(JobRow.status == Status.ACCEPTED, JobRow.created_ms < before_ms)
         with self._session() as session:
-            return session.scalars(query.order_by(JobRow.id)).all()
+            return {row.id: row.turn for row in session.execute(query.order_by(JobRow.id))}
 
     def worker_beat(self, worker: str) -> None:
         """Note that the worker is alive."""
@@ -185,6 +192,11 @@ class JobStore:
         """Note that the worker stopped."""
         with self._session.begin() as session:
             session.execute(delete(WorkerRow).where(WorkerRow.id == worker))
+
+    def worker_heard_ms(self, worker: str) -> int | None:
+        """When the worker was heard of last; None when it never was, or stopped."""
+        with self._session() as session:
+            return session.scalar(select(WorkerRow.heartbeat_ms).where(WorkerRow.id == worker))
 
     def has_worker(self, within_ms: int) -> bool:
         """True when some worker was alive so recently."""
@@ -279,6 +291,20 @@ class JobStore:
                 execution_options={"synchronize_session": False},
             )
             return done.scalar_one_or_none() is not None
+
+
+def _next_turn(session: Session, tenant: str) -> int:
+    """Start-time fair queueing (Goyal et al. 1996), each job of cost 1: a tenant's next job comes after the tenant's last
+    one that waits, but never before what is served now. So tenants with jobs take turns, whoever sent a thousand first.
+    """
+    waiting = JobRow.status == Status.ACCEPTED
+    least = session.scalar(select(func.min(JobRow.turn)).where(waiting))
+    if least is not None:
+        now = least - 1
+    else:
+        now = session.scalar(select(func.max(JobRow.turn)).where(JobRow.status == Status.RUNNING)) or 0
+    last = session.scalar(select(func.max(JobRow.turn)).where(waiting, JobRow.tenant == tenant)) or 0
+    return max(now, last) + 1
 
 
 _UNSTARTED: dict[str, Any] = {

@@ -1,5 +1,7 @@
 """Finds the jobs that fell between the chairs: stored but never queued, or running on a worker that is dead."""
 
+from collections.abc import Callable
+
 import structlog
 
 from service.engine import Queue
@@ -9,7 +11,7 @@ from service.jobs import MAX_CRASHES, JobRow, now_ms
 from service.schemas import Status
 
 UNQUEUED_AFTER_MS = 3_000  # the API queues a job within milliseconds of storing it
-DEAD_AFTER_MS = 30_000  # a running job's heartbeat comes every 0.2 s
+DEAD_AFTER_MS = 15_000  # a running job's heartbeat comes every 0.2 s; other machines' clocks may be some seconds off
 log = structlog.get_logger()
 
 
@@ -21,28 +23,36 @@ class Reaper:
 
     def at_start(self, worker_id: str) -> None:
         """What this worker ran when it died waits again; DBOS brings the tickets back at its launch."""
-        for row in self._jobs.orphans(worker=worker_id):
-            self._hand_on(row)
+        for job_id in self._jobs.orphans(worker=worker_id):
+            self._hand_on(job_id, lambda row: row.worker == worker_id)
 
     def sweep(self) -> None:
         """Once over everything."""
-        for row in self._jobs.orphans(silent_since_ms=now_ms() - DEAD_AFTER_MS):
-            if self._hand_on(row):
-                self._queue.requeue(row.id)
+        since_ms = now_ms() - DEAD_AFTER_MS
+        for job_id in self._jobs.orphans(silent_since_ms=since_ms):
+            if (row := self._hand_on(job_id, lambda row: (row.heartbeat_ms or 0) < since_ms)) is not None:
+                self._queue.requeue(row.id, row.turn)
         waiting = self._jobs.waiting_since(now_ms() - UNQUEUED_AFTER_MS)
         if not waiting:
             return
         tickets = self._queue.tickets()
-        for job_id in waiting:
+        for job_id, turn in waiting.items():
             if job_id not in tickets:
                 log.warning("job had no ticket", job_id=job_id)
-                self._queue.requeue(job_id)
+                self._queue.requeue(job_id, turn)
 
-    def _hand_on(self, row: JobRow) -> bool:
-        """True when the job waits again."""
+    def _hand_on(self, job_id: str, is_lost: Callable[[JobRow], bool]) -> JobRow | None:
+        """The job, when it waits again. One whose row cannot be read stays as it is, and whoever reads the log is told."""
+        try:
+            row = self._jobs.find(job_id)
+        except Exception:
+            log.exception("a job's row cannot be read; see to it in the database", job_id=job_id)
+            return None
+        if row is None or not is_lost(row):  # another worker was faster, and runs it
+            return None
         problem = problem_of(
             JobCrashed(f"{MAX_CRASHES} workers died while they ran this job; report it with the job's id")
         )
         status = self._jobs.hand_on(row, problem)
         log.warning("its worker died", job_id=row.id, attempt=row.attempt, worker=row.worker, status=status)
-        return status is Status.ACCEPTED
+        return row if status is Status.ACCEPTED else None

@@ -14,6 +14,7 @@ from service.jobs import now_ms
 
 HOUR_MS = 3_600_000
 BATCH = 500
+CUT_OFF_MS = 24 * HOUR_MS  # an upload that began so long ago was cut off
 log = structlog.get_logger()
 
 
@@ -25,6 +26,7 @@ class Retention:
 
     def sweep(self) -> None:
         """Once over everything that is due, at most `BATCH` of each kind."""
+        self._blobs.clear_incoming(older_than_ms=self._clock_ms() - CUT_OFF_MS)
         if not self._age_ms:
             return
         before_ms = self._clock_ms() - self._age_ms

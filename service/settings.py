@@ -1,11 +1,12 @@
 """Every knob of the service, read from `CUSP_*` environment variables; every default runs."""
 
 import os
+import re
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -17,6 +18,12 @@ class ServiceSettings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="CUSP_", frozen=True, extra="ignore", validate_default=True)
 
     data_dir: Path = Field(Path("cusp-data"), description="databases, blobs, results and temporary files")
+    database_url: SecretStr = Field(
+        SecretStr(""), description="`postgresql://user:password@host/name`; empty: SQLite in the data folder"
+    )
+    blob_url: str = Field(
+        "", description="`s3://bucket/prefix`, with the usual `AWS_*` variables; empty: files in the data folder"
+    )
     host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs API keys or allow_open")
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 lets the system choose")
     allow_open: bool = Field(False, description="listen beyond loopback although there are no API keys")
@@ -30,9 +37,28 @@ class ServiceSettings(BaseSettings):
     )
     min_free_disk_mib: int = Field(1024, ge=0, description="with less room on the data volume /readyz says not_ready")
     queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
-    worker_id: str = Field("worker-1", min_length=1, description="name of the worker; stays the same over restarts")
+    worker_id: str = Field(
+        "worker-1",
+        pattern=r"^[A-Za-z0-9._-]{1,100}$",
+        description="name of the worker: its own, and the same over restarts",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
     log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
+
+    @field_validator("database_url", mode="after")
+    @classmethod
+    def _is_postgresql(cls, given: SecretStr) -> SecretStr:
+        url = given.get_secret_value()
+        if url and not re.match(r"postgres(ql)?(\+psycopg)?://", url):
+            raise ValueError("must be postgresql://user:password@host/name, or empty for SQLite")
+        return SecretStr(re.sub(r"^postgres(ql)?(\+psycopg)?://", "postgresql+psycopg://", url))
+
+    @field_validator("blob_url", mode="after")
+    @classmethod
+    def _is_s3(cls, url: str) -> str:
+        if url and not re.match(r"s3://[^/]+", url):
+            raise ValueError("must be s3://bucket or s3://bucket/prefix, or empty for files in the data folder")
+        return url
 
     @field_validator("data_dir", mode="after")
     @classmethod
@@ -46,18 +72,28 @@ class ServiceSettings(BaseSettings):
         return not self.allow_open and not _is_loopback(self.host)
 
     @property
-    def database_path(self) -> Path:
-        """Our tables: the truth about every job."""
-        return self.data_dir / "cusp.db"
+    def is_embedded(self) -> bool:
+        """True on SQLite: the data folder is one service's."""
+        return not self.database_url.get_secret_value()
 
     @property
-    def queue_path(self) -> Path:
-        """DBOS's tables: which job runs next."""
-        return self.data_dir / "queue.db"
+    def database(self) -> str:
+        """URL of our tables: the truth about every job."""
+        return self.database_url.get_secret_value() or f"sqlite:///{self.data_dir / 'cusp.db'}"
+
+    @property
+    def queue(self) -> str:
+        """URL of DBOS's tables: which job runs next. On PostgreSQL they are in a schema of their own."""
+        return self.database_url.get_secret_value() or f"sqlite:///{self.data_dir / 'queue.db'}"
+
+    @property
+    def blobs(self) -> str:
+        """URL of uploaded meshes and the files of results."""
+        return self.blob_url or f"file://{self.blob_dir}"
 
     @property
     def blob_dir(self) -> Path:
-        """Uploaded meshes and the files of results."""
+        """Where they are without `blob_url`."""
         return self.data_dir / "blobs"
 
     @property
@@ -77,7 +113,11 @@ class ServiceSettings(BaseSettings):
 
     def environment(self) -> dict[str, str]:
         """The `CUSP_*` variables that give a child process these settings."""
-        return {f"CUSP_{name.upper()}": str(value) for name, value in self.model_dump(mode="json").items()}
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        return {
+            f"CUSP_{name.upper()}": value.get_secret_value() if isinstance(value, SecretStr) else str(value)
+            for name, value in values.items()
+        }
 
 
 def _is_loopback(host: str) -> bool:

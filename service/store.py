@@ -1,37 +1,79 @@
-"""The database: how it is opened, and how its tables are made."""
+"""The database: how it is opened, and how its tables are made. SQLite and PostgreSQL, by the URL alone."""
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from alembic import command
 from alembic.config import Config
-from sqlalchemy import Engine, create_engine, event
+from sqlalchemy import Engine, create_engine, event, make_url, text
 from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.exc import OperationalError
 from sqlalchemy.pool import ConnectionPoolEntry
 
 BUSY_TIMEOUT_MS = 10_000  # the API and the worker write to one file; each write takes well under a millisecond
+CONNECT_TIMEOUT_S = 10
+MIGRATION_LOCK = 0x43555350  # of PostgreSQL's advisory locks: "CUSP"
 
 
-def open_database(path: Path) -> Engine:
-    """An engine on the SQLite file. WAL lets readers go on while one writes; NORMAL is durable but for power loss."""
-    engine = create_engine(f"sqlite:///{path}", connect_args={"timeout": BUSY_TIMEOUT_MS / 1000})
+class NoDatabase(Exception):
+    """The database does not answer, or refuses us."""
+
+
+def open_database(url: str) -> Engine:
+    """An engine on `sqlite:///file` or `postgresql+psycopg://...`.
+
+    SQLite: WAL lets readers go on while one writes; NORMAL is durable but for power loss. PostgreSQL: a connection is tried
+    before it is used, so that a restarted server is noticed by nobody.
+    """
+    if make_url(url).get_backend_name() == "postgresql":
+        return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": CONNECT_TIMEOUT_S})
+    engine = create_engine(url, connect_args={"timeout": BUSY_TIMEOUT_MS / 1000})
     event.listen(engine, "connect", _prepare_connection)
     return engine
 
 
-def migrate(path: Path) -> None:
-    """Bring the tables to this version's form; creates the file when it is missing."""
+def migrate(url: str) -> None:
+    """Bring the tables to this version's form; an SQLite file is created when it is missing."""
     logging.getLogger("alembic").setLevel(logging.WARNING)
     config = Config()
     config.set_main_option("script_location", str(resources.files("service") / "migrations"))
     config.set_main_option("path_separator", "os")
-    engine = open_database(path)
+    engine = open_database(url)
     try:
         with engine.begin() as connection:
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
+    finally:
+        engine.dispose()
+
+
+@contextmanager
+def migrating(url: str) -> Iterator[None]:
+    """While inside, no other machine makes tables in the same PostgreSQL database.
+
+    Raises
+    ------
+    NoDatabase
+        With what the server said, and never with the password.
+    """
+    if make_url(url).get_backend_name() != "postgresql":
+        yield
+        return
+    engine = open_database(url)
+    try:
+        try:
+            # Without a transaction: DBOS makes indexes concurrently, which wait for the end of every open one.
+            connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        except OperationalError as error:
+            shown = make_url(url).render_as_string(hide_password=True)
+            reason = " ".join(str(error.orig).split())
+            raise NoDatabase(f"no database at {shown}: {reason}; see CUSP_DATABASE_URL") from error
+        with connection:
+            connection.execute(text("SELECT pg_advisory_lock(:key)"), {"key": MIGRATION_LOCK})
+            yield  # the lock goes with the connection
     finally:
         engine.dispose()
 

@@ -15,9 +15,10 @@ import structlog
 
 from service.blobs import BlobStore
 from service.engine import migrate_queue
-from service.keys import Exposed, KeyStore, check_exposure
+from service.jobs import now_ms
+from service.keys import KeyStore, check_exposure
 from service.settings import ServiceSettings
-from service.store import migrate, open_database
+from service.store import migrate, migrating, open_database
 from service.worker_main import EXIT_BROKEN
 
 STOP_TIMEOUT_S = 8.0
@@ -31,6 +32,10 @@ class AlreadyRunning(Exception):
     """Another service works on the data folder."""
 
 
+class NotApart(Exception):
+    """A part was started alone without a database that others reach."""
+
+
 @dataclass(slots=True)
 class Part:
     """One of the two processes."""
@@ -41,36 +46,59 @@ class Part:
     short_lives: int = 0
 
 
-def prepare(settings: ServiceSettings) -> IO[bytes]:
+def prepare(settings: ServiceSettings, part: str = "up") -> IO[bytes]:
     """Make folders and tables. Keep what it returns: the lock on the folder goes with it.
+
+    part : `up` for all; `api` or `worker` for one of many on a common database
 
     Raises
     ------
-    AlreadyRunning, Exposed
+    AlreadyRunning, Exposed, NotApart, NoDatabase
     """
+    if part != "up" and settings.is_embedded:
+        raise NotApart(
+            f"`cusp {part}` needs CUSP_DATABASE_URL (PostgreSQL), which other parts reach too; or use `cusp up`"
+        )
     settings.make_folders()
-    lock = (settings.data_dir / "lock").open("ab")
+    lock = _locked(settings, part)
+    try:
+        if part != "worker":
+            _clear_uploads(settings)
+        with migrating(settings.database):
+            migrate(settings.database)
+            migrate_queue(settings.queue)
+        if part != "worker":
+            engine = open_database(settings.database)
+            try:
+                check_exposure(settings, KeyStore(engine))
+            finally:
+                engine.dispose()
+    except BaseException:
+        lock.close()
+        raise
+    return lock
+
+
+def _locked(settings: ServiceSettings, part: str) -> IO[bytes]:
+    names = {"up": "lock", "api": "lock.api", "worker": f"lock.worker.{settings.worker_id}"}
+    lock = (settings.data_dir / names[part]).open("ab")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         lock.close()
+        remedy = "another CUSP_WORKER_ID" if part == "worker" else "another --data-dir"
         raise AlreadyRunning(
-            f"another cusp works on {settings.data_dir.resolve()}; stop it, or choose another --data-dir"
+            f"another cusp works on {settings.data_dir.resolve()}; stop it, or choose {remedy}"
         ) from error
-    BlobStore(settings.blob_dir).clear_incoming()  # uploads that a crash cut off
+    return lock
+
+
+def _clear_uploads(settings: ServiceSettings) -> None:
+    """What uploads left that a crash cut off. In a bucket others may be sending just now: see `Retention`."""
+    if not settings.blob_url:
+        BlobStore(settings.blobs).clear_incoming(older_than_ms=now_ms())
     for path in settings.tmp_dir.iterdir():
         path.unlink(missing_ok=True)
-    migrate(settings.database_path)
-    migrate_queue(settings.queue_path)
-    engine = open_database(settings.database_path)
-    try:
-        check_exposure(settings, KeyStore(engine))
-    except Exposed:
-        lock.close()
-        raise
-    finally:
-        engine.dispose()
-    return lock
 
 
 def run_up(settings: ServiceSettings) -> int:

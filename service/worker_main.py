@@ -12,6 +12,7 @@ from service.blobs import BlobStore
 from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
+from service.jobs import now_ms
 from service.metrics import Metrics
 from service.reaper import Reaper
 from service.retention import Retention
@@ -33,22 +34,26 @@ def run_worker(settings: ServiceSettings) -> int:
     stop = threading.Event()
     for kind in (signal.SIGTERM, signal.SIGINT):
         signal.signal(kind, lambda *_: stop.set())
-    engine = open_database(settings.database_path)
-    jobs, blobs = JobStore(engine), BlobStore(settings.blob_dir)
+    engine = open_database(settings.database)
+    jobs, blobs = JobStore(engine), BlobStore(settings.blobs)
+    if not settings.is_embedded and _is_taken(jobs, settings.worker_id):
+        log.error("another worker has this name and lives; set CUSP_WORKER_ID", worker_id=settings.worker_id)
+        return EXIT_BROKEN
     sandbox = Sandbox(Limits(settings.job_time_limit_s, settings.job_memory_limit_mib))
     try:
         sandbox.start()
     except SandboxError as error:
         log.error("cannot run jobs", reason=str(error))
         return EXIT_BROKEN
-    shutil.rmtree(settings.scratch_dir, ignore_errors=True)  # of a worker that was killed
-    settings.scratch_dir.mkdir(mode=0o700)
+    scratch = settings.scratch_dir / settings.worker_id
+    shutil.rmtree(scratch, ignore_errors=True)  # of the jobs that it ran when it was killed
+    scratch.mkdir(mode=0o700, parents=True)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)
-    reaper = Reaper(jobs, DbosQueue(settings.queue_path))
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics)
+    reaper = Reaper(jobs, DbosQueue(settings.queue))
     reaper.at_start(settings.worker_id)
-    DbosRunner(settings.queue_path, settings.worker_id, settings.jobs, worker.run).start()
+    DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
     retention = Retention(jobs, blobs, settings.retention_h)
     _tend(settings.worker_id, jobs, (reaper, retention), worker, stop)
@@ -60,6 +65,15 @@ def run_worker(settings: ServiceSettings) -> int:
         log.error("cannot run jobs", reason=str(worker.broken))
         return EXIT_BROKEN
     return 0
+
+
+def _is_taken(jobs: JobStore, worker_id: str) -> bool:
+    """True when somebody else says every second that a worker of this name lives: two would take each other's jobs."""
+    heard_ms = jobs.worker_heard_ms(worker_id)
+    if heard_ms is None or heard_ms < now_ms() - 60_000:
+        return False
+    time.sleep(2.5 * BEAT_INTERVAL_S)
+    return jobs.worker_heard_ms(worker_id) != heard_ms
 
 
 def _tend(

@@ -1,9 +1,12 @@
-"""Where the real meshes are, for the tests marked `data`."""
+"""Where the real meshes are, for the tests marked `data`, and servers for those that ask for them."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.storage import S3, Postgres, running_postgres, running_s3
 
 
 def data_folder() -> Path | None:
@@ -20,3 +23,17 @@ def data() -> Path:
     if folder is None:
         pytest.skip("set CUSP_DATA to the folder of real meshes")
     return folder
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """A PostgreSQL server, started when a test asks for it."""
+    with running_postgres() as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def s3() -> Iterator[S3]:
+    """An S3 server, started when a test asks for it."""
+    with running_s3() as server:
+        yield server

@@ -4,6 +4,7 @@ worker that runs a job when the test says so."""
 import shutil
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from service.sandbox import Outcome
 from service.settings import ServiceSettings
 from service.store import migrate, open_database
 from service.worker import Worker
+from tests.storage import Postgres
 
 TRIANGLE_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 RESULTS = b'{"schema_version": "1", "verdict": {"status": "ok"}}'
@@ -37,7 +39,7 @@ class NotingQueue:
     waiting: list[str] = field(default_factory=list)
     broken: bool = False
 
-    def enqueue(self, job_id: str) -> None:
+    def enqueue(self, job_id: str, turn: int) -> None:
         if self.broken:
             raise ConnectionError("the queue is away")
         if job_id not in self.waiting:
@@ -120,24 +122,58 @@ def _plain_logs() -> None:
 def migrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An empty database; copying it is faster than migrating for each test."""
     path = tmp_path_factory.mktemp("migrated") / "cusp.db"
-    migrate(path)
+    migrate(f"sqlite:///{path}")
     return path
 
 
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Modules that say `pytestmark = pytest.mark.storages` run on both kinds of storage."""
+    if "storage" in metafunc.fixturenames and metafunc.definition.get_closest_marker("storages"):
+        metafunc.parametrize("storage", ["embedded", "scaled"], indirect=True)
+
+
 @pytest.fixture
-def settings(tmp_path: Path, migrated: Path) -> ServiceSettings:
-    made = ServiceSettings(data_dir=tmp_path / "data", max_upload_mib=1, queue_limit=5)
+def storage(request: pytest.FixtureRequest, tmp_path: Path, migrated: Path) -> Iterator[dict[str, Any]]:
+    """Settings of where things are: SQLite and files, or PostgreSQL and S3; the tables are made."""
+    folder = tmp_path / "data"
+    if getattr(request, "param", "embedded") == "embedded":
+        folder.mkdir(mode=0o700)
+        shutil.copy(migrated, folder / "cusp.db")
+        yield {"data_dir": folder}
+        return
+    server, s3 = request.getfixturevalue("postgres"), request.getfixturevalue("s3")
+    request.getfixturevalue("postgres_migrated")
+    name = f"t_{uuid.uuid4().hex}"
+    with pytest.MonkeyPatch.context() as patch:
+        for variable, value in s3.environment.items():
+            patch.setenv(variable, value)
+        yield {
+            "data_dir": folder,
+            "database_url": server.create(name, template="migrated"),
+            "blob_url": f"s3://{s3.bucket}/{name}",
+        }
+    server.drop(name)
+
+
+@pytest.fixture(scope="session")
+def postgres_migrated(postgres: Postgres) -> None:
+    url = ServiceSettings.model_validate({"database_url": postgres.create("migrated")}).database
+    migrate(url)
+
+
+@pytest.fixture
+def settings(storage: dict[str, Any]) -> ServiceSettings:
+    made = ServiceSettings(**storage, max_upload_mib=1, queue_limit=5)
     made.make_folders()
-    shutil.copy(migrated, made.database_path)
     return made
 
 
 @pytest.fixture
 def service(settings: ServiceSettings) -> Iterator[Service]:
-    engine = open_database(settings.database_path)
+    engine = open_database(settings.database)
     jobs, blobs, queue, sandbox = (
         JobStore(engine),
-        BlobStore(settings.blob_dir),
+        BlobStore(settings.blobs),
         NotingQueue(),
         ScriptedSandbox(),
     )

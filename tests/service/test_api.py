@@ -10,6 +10,8 @@ from service.sandbox import Outcome
 from service.schemas import Status
 from tests.service.conftest import RESULTS, TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 
 def assert_problem(answer: Any, status: int, code: str, *words: str) -> None:
     assert answer.status_code == status, answer.text

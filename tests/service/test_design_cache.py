@@ -10,6 +10,8 @@ from service.design_cache import DesignCache, name_of
 from service.sandbox import Outcome
 from tests.service.conftest import Service
 
+pytestmark = pytest.mark.storages
+
 MIB = 1024 * 1024
 
 

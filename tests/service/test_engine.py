@@ -2,30 +2,34 @@
 
 import threading
 from collections.abc import Iterator
-from pathlib import Path
+from typing import Any
 
 import pytest
 from dbos import DBOS
 
 from service.engine import DbosQueue, DbosRunner, migrate_queue
+from service.settings import ServiceSettings
 from tests.e2e.running import wait_until
 
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    migrate_queue(tmp_path / "queue.db")
-    migrate_queue(tmp_path / "queue.db")  # again is nothing
-    return tmp_path / "queue.db"
+pytestmark = pytest.mark.storages
 
 
 @pytest.fixture
-def queue(path: Path) -> Iterator[DbosQueue]:
-    made = DbosQueue(path)
+def url(storage: dict[str, Any]) -> str:
+    settings = ServiceSettings(**storage)
+    migrate_queue(settings.queue)
+    migrate_queue(settings.queue)  # again is nothing
+    return settings.queue
+
+
+@pytest.fixture
+def queue(url: str) -> Iterator[DbosQueue]:
+    made = DbosQueue(url)
     yield made
     made.close()
 
 
-def test_each_ticket_runs_once_and_a_dropped_one_never(path: Path, queue: DbosQueue) -> None:
+def test_each_ticket_runs_once_and_a_dropped_one_never(url: str, queue: DbosQueue) -> None:
     ran: list[str] = []
     gate = threading.Event()
 
@@ -34,10 +38,10 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(path: Path, queue: DbosQu
         gate.wait(10)
 
     for job_id in ("a", "b", "b", "c"):
-        queue.enqueue(job_id)
+        queue.enqueue(job_id, 2)
     queue.drop("c")
     assert queue.tickets() == {"a", "b"}
-    runner = DbosRunner(path, "worker-1", 1, run)
+    runner = DbosRunner(url, "worker-1", 1, run)
     runner.start()
     try:
         wait_until(lambda: ran == ["a"], 10, "the first job")
@@ -45,8 +49,8 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(path: Path, queue: DbosQu
         gate.set()
         wait_until(lambda: ran == ["a", "b"], 10, "the second job")
         wait_until(lambda: not queue.tickets(), 10, "both tickets to be used up")
-        queue.requeue("a")  # its row said that it waits, though its ticket is used up
-        queue.requeue("c")
+        queue.requeue("a", 2)  # its row said that it waits, though its ticket is used up
+        queue.requeue("c", 2)
         wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 10, "both again")
     finally:
         runner.stop()

@@ -9,6 +9,8 @@ from service.keys import KeyStore, Scope
 from service.store import open_database
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 MESHES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 
 
@@ -65,7 +67,7 @@ def test_a_key_whose_job_was_removed_starts_anew(service: Service) -> None:
 
 
 def test_keys_are_a_tenants_own(service: Service) -> None:
-    engine = open_database(service.settings.database_path)
+    engine = open_database(service.settings.database)
     keys = KeyStore(engine)
     ids = set()
     for tenant in ("acme", "other"):

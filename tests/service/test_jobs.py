@@ -37,8 +37,9 @@ class OneJob(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.folder = Path(tempfile.mkdtemp())
-        migrate(self.folder / "cusp.db")
-        self.engine = open_database(self.folder / "cusp.db")
+        url = f"sqlite:///{self.folder / 'cusp.db'}"
+        migrate(url)
+        self.engine = open_database(url)
         self.store = JobStore(self.engine)
         self.id = new_id()
         self.store.add(JobRow(id=self.id, type="registration", inputs={}, options={}, attempt=0, crashes=0))
@@ -87,7 +88,9 @@ class OneJob(RuleBasedStateMachine):
     @precondition(lambda self: self.status is Status.RUNNING)
     @rule()
     def the_worker_dies(self) -> None:
-        (row,) = self.store.orphans(worker="w")
+        (job_id,) = self.store.orphans(worker="w")
+        row = self.store.find(job_id)
+        assert row is not None
         status = self.store.hand_on(row, CRASHED)
         self.crashes += 1
         self.status = Status.FAILED if self.crashes >= MAX_CRASHES else Status.ACCEPTED

@@ -17,13 +17,15 @@ from service.store import open_database
 from service.up import prepare
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 BOTH = [Scope.READ, Scope.WRITE]
 OPEN = {"/livez", "/readyz", "/version"}  # and the documentation
 
 
 @pytest.fixture
 def engine(settings: ServiceSettings) -> Iterator[Engine]:
-    engine = open_database(settings.database_path)
+    engine = open_database(settings.database)
     yield engine
     engine.dispose()
 
@@ -161,7 +163,12 @@ def test_without_keys_only_this_machine_may_ask(settings: ServiceSettings, keys:
     prepare(exposed).close()
 
 
-def test_the_commands_make_list_and_revoke(settings: ServiceSettings, keys: KeyStore) -> None:
+def test_the_commands_make_list_and_revoke(
+    settings: ServiceSettings, keys: KeyStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable, value in settings.environment().items():
+        monkeypatch.setenv(variable, value)
+
     def run(*words: str) -> str:
         result = CliRunner().invoke(cli, ["keys", *words, "--data-dir", str(settings.data_dir)])
         return f"{result.exit_code} {result.output}"
@@ -184,7 +191,7 @@ def test_what_was_there_before_tenants_is_the_open_services(tmp_path: Path) -> N
     from alembic.config import Config
 
     path = tmp_path / "cusp.db"
-    engine = open_database(path)
+    engine = open_database(f"sqlite:///{path}")
     config = Config()
     config.set_main_option("script_location", "service:migrations")
     with engine.begin() as connection:

@@ -13,6 +13,8 @@ from service.store import open_database
 from service.worker import StageClock
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 Samples = dict[tuple[str, str], float]
 
 
@@ -59,7 +61,7 @@ def test_uploads_are_counted_by_format(service: Service) -> None:
 
 def test_counts_of_several_processes_add_up_and_outlive_them(service: Service) -> None:
     for _ in range(3):  # each as if it were a process of its own
-        engine = open_database(service.settings.database_path)
+        engine = open_database(service.settings.database)
         metrics = Metrics(engine, service.settings.data_dir)
         metrics.add("cusp_stage_seconds", {"load": 1.5, "clean": 0.5})
         metrics.peak_mib("study", 100.0)
@@ -88,7 +90,7 @@ def test_a_stage_is_passed_once_a_mesh_and_not_once_a_message() -> None:
 
 
 def test_with_keys_only_an_admin_reads_them(service: Service) -> None:
-    engine = open_database(service.settings.database_path)
+    engine = open_database(service.settings.database)
     keys = KeyStore(engine)
     for scope, status in ((Scope.READ, 403), (Scope.ADMIN, 200)):
         _, key = keys.create("acme", [scope])

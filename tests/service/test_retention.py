@@ -14,6 +14,8 @@ from service.retention import HOUR_MS, Retention
 from service.store import open_database
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 BLOB = "sha256:" + hashlib.sha256(TRIANGLE_OBJ).hexdigest()
 
 
@@ -24,7 +26,7 @@ def sweep(service: Service, hours_later: float, *, hours: float = 24) -> None:
             then = min(path.stat().st_mtime, time.time() - 3600 * hours_later)
             os.utime(path, (then, then))
     real = now_ms()
-    engine = open_database(service.settings.database_path)
+    engine = open_database(service.settings.database)
     later = JobStore(engine, lambda: real + int(hours_later * HOUR_MS))
     Retention(later, service.blobs, hours, lambda: real + int(hours_later * HOUR_MS)).sweep()
     engine.dispose()
@@ -68,7 +70,7 @@ def test_a_mesh_that_a_new_job_names_is_new(service: Service, monkeypatch: pytes
 
 def test_content_stays_while_another_tenant_has_it(service: Service) -> None:
     service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"})
-    engine = open_database(service.settings.database_path)
+    engine = open_database(service.settings.database)
     _, key = KeyStore(engine).create("acme", [Scope.WRITE, Scope.READ])
     engine.dispose()
     service.jobs.add_blob(BLOB, len(TRIANGLE_OBJ), "obj", "acme")

@@ -12,6 +12,8 @@ from service.sandbox import Outcome, SandboxError
 from service.schemas import Status
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
+pytestmark = pytest.mark.storages
+
 
 def test_the_child_is_given_the_meshes_and_everything_that_was_asked(service: Service) -> None:
     seen: dict[str, Any] = {}
