@@ -9,7 +9,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test check format bench openapi clean
+.PHONY: help setup demo serve test servers check format bench openapi clean
 
 help: ## list the commands
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -40,8 +40,16 @@ demo: $(READY) ## register a dental arch by formula to its "print", through the 
 serve: $(READY) ## start the service on HOST:PORT
 	$(BIN)/cusp up --host $(HOST) --port $(PORT)
 
-test: $(READY) ## all tests; those marked `data` need CUSP_DATA
+test: $(READY) servers ## all tests; those marked `data` need CUSP_DATA
 	$(BIN)/python -m pytest
+
+servers: # PostgreSQL, which tests start themselves; Debian keeps its commands off the PATH
+	@if command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1; then exit 0; fi; \
+	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends postgresql >/dev/null; \
+	else \
+	    echo "No PostgreSQL is installed (apt-get install postgresql): tests that need it are skipped."; \
+	fi
 
 check: $(READY) ## ruff, and mypy strict on both packages
 	$(BIN)/ruff check .

@@ -1,6 +1,7 @@
 """The database: how it is opened, and how its tables are made. SQLite and PostgreSQL, by the URL alone."""
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import resources
@@ -72,7 +73,9 @@ def migrating(url: str) -> Iterator[None]:
             reason = " ".join(str(error.orig).split())
             raise NoDatabase(f"no database at {shown}: {reason}; see CUSP_DATABASE_URL") from error
         with connection:
-            connection.execute(text("SELECT pg_advisory_lock(:key)"), {"key": MIGRATION_LOCK})
+            # Asking again and again, not waiting: a statement that waits would hold up those indexes as well.
+            while not connection.scalar(text("SELECT pg_try_advisory_lock(:key)"), {"key": MIGRATION_LOCK}):
+                time.sleep(0.2)
             yield  # the lock goes with the connection
     finally:
         engine.dispose()

@@ -4,10 +4,13 @@ import shutil
 import threading
 import time
 import uuid
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import structlog
+from sqlalchemy.exc import OperationalError
 
 from service import design_cache
 from service.blobs import BlobStore
@@ -21,6 +24,7 @@ from service.options import resolve_settings
 from service.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.schemas import Options
 
+DATABASE_PATIENCE_S = 600.0
 log = structlog.get_logger()
 
 
@@ -98,7 +102,7 @@ class Worker:
         log.info("job starts", type=row.type, waited_s=round(waited_s, 2))
         try:
             outcome = self._compute(row, folder)
-            self._conclude(row, folder, outcome)
+            self._patiently(lambda: self._conclude(row, folder, outcome))
         except SandboxError as error:
             self.broken = error
             self._jobs.hand_back(row.id, row.attempt)
@@ -107,9 +111,23 @@ class Worker:
             instance = f"urn:uuid:{uuid.uuid4()}"
             log.exception("worker failed", instance=instance)
             detail = f"an unforeseen error in the worker; report it with the id {instance}"
-            self._jobs.fail(row.id, row.attempt, problem_of(InternalError(detail), instance=instance))
+            problem = problem_of(InternalError(detail), instance=instance)
+            self._patiently(lambda: self._jobs.fail(row.id, row.attempt, problem))
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+    def _patiently(self, act: Callable[[], object]) -> None:
+        """Again and again while the database is away: a restart of it must not cost what was computed."""
+        deadline = time.monotonic() + DATABASE_PATIENCE_S
+        while True:
+            try:
+                act()
+                return
+            except OperationalError:
+                if self._stopping.is_set() or time.monotonic() > deadline:
+                    raise
+                log.warning("the database is away; trying again")
+                self._stopping.wait(1.0)
 
     def _compute(self, row: JobRow, folder: Path) -> Outcome:
         folder.mkdir(parents=True, exist_ok=True)
@@ -119,16 +137,22 @@ class Worker:
 
         def on_progress(stage: str, percent: float, message: str) -> None:
             clock.enter(stage, message)
-            beat(
-                row.id,
-                row.attempt,
-                stage=stage,
-                progress=min(max(percent, 0.0), 100.0),
-                message=message[:500],
-            )
+            with suppress(OperationalError):  # told again soon
+                beat(
+                    row.id,
+                    row.attempt,
+                    stage=stage,
+                    progress=min(max(percent, 0.0), 100.0),
+                    message=message[:500],
+                )
 
         def is_wanted() -> bool:
-            return not self._stopping.is_set() and beat(row.id, row.attempt)
+            if self._stopping.is_set():
+                return False
+            try:
+                return beat(row.id, row.attempt)
+            except OperationalError:  # go on: whether the job is still ours is asked when the database is back
+                return True
 
         outcome = self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
         clock.end()

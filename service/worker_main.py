@@ -14,7 +14,7 @@ from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
 from service.jobs import now_ms
 from service.metrics import Metrics
-from service.reaper import Reaper
+from service.reaper import DEAD_AFTER_MS, Reaper
 from service.retention import Retention
 from service.sandbox import Limits, Sandbox, SandboxError
 from service.settings import ServiceSettings
@@ -92,6 +92,7 @@ def _tend(
                 let_go_at = time.monotonic()
                 retention.sweep()
         except Exception:
-            log.exception("sweep failed")  # a busy database, most likely; the next one does it
+            log.exception("sweep failed")  # a busy database, or one that is away; the next one does it
+            swept_at = time.monotonic() + DEAD_AFTER_MS / 1000  # workers that were not heard may be heard again
         if stop.wait(BEAT_INTERVAL_S):
             return

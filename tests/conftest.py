@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.storage import S3, Postgres, running_postgres, running_s3
+from tests.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
 
 
 def data_folder() -> Path | None:
@@ -28,6 +28,8 @@ def data() -> Path:
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[Postgres]:
     """A PostgreSQL server, started when a test asks for it."""
+    if postgres_binaries() is None:
+        pytest.skip("PostgreSQL is not installed (apt-get install postgresql)")
     with running_postgres() as server:
         yield server
 

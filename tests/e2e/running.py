@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,6 +14,7 @@ import psutil
 
 from service.client import Client
 from service.schemas import Job, Status
+from tests.storage import S3, Postgres, free_port
 
 START_TIMEOUT_S = 90.0
 QUICK = {  # the whole method on the small blobs of tests/service/meshes.py, in a second or two
@@ -25,13 +25,6 @@ QUICK = {  # the whole method on the small blobs of tests/service/meshes.py, in 
     }
 }
 LONG = {"settings": {"resample": {"target_vertices": 20_000}}}  # half a minute and more: to be interrupted
-
-
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def wait_until(condition: Callable[[], Any], seconds: float, what: str) -> Any:
@@ -123,3 +116,63 @@ class RunningService:
                     process.send_signal(signal.SIGKILL)
             psutil.wait_procs(family, timeout=10)
         self.client.close()
+
+
+class ScaledService:
+    """`cusp api` and some `cusp worker`, each alone, on one PostgreSQL and one S3; `log` is what all of them wrote."""
+
+    def __init__(self, folder: Path, server: Postgres, s3: S3, workers: int, **environment: str) -> None:
+        name = f"scaled_{free_port()}"
+        self.folder, self.port = folder, free_port()
+        self.log = folder / "log"
+        self.environment = {
+            **os.environ,
+            **s3.environment,
+            "CUSP_DATABASE_URL": server.create(name),
+            "CUSP_BLOB_URL": f"s3://{s3.bucket}/{name}",
+            "CUSP_PORT": str(self.port),
+            "CUSP_JOBS": "1",
+            **environment,
+        }
+        self.client = Client(f"http://127.0.0.1:{self.port}")
+        self.api = self.start("api", "api")
+        self.workers = [self.start("worker", f"worker-{number}") for number in range(workers)]
+        try:
+            wait_until(self.client.is_ready, START_TIMEOUT_S, "the service to start")
+        except AssertionError as error:
+            self.stop()
+            raise AssertionError(self.log.read_text()) from error
+
+    def start(self, part: str, name: str) -> psutil.Popen:
+        """A part of this name, in a data folder of its own."""
+        with self.log.open("ab") as log:
+            return psutil.Popen(
+                [sys.executable, "-m", "service.cli", part],
+                stderr=log,
+                env={**self.environment, "CUSP_WORKER_ID": name, "CUSP_DATA_DIR": str(self.folder / name)},
+            )
+
+    def busy(self) -> psutil.Popen:
+        """The worker that computes now."""
+
+        def found() -> psutil.Popen | None:
+            for worker in self.workers:
+                zygotes = [each for each in worker.children() if "service.zygote" in each.cmdline()]
+                if any(zygote.children() for zygote in zygotes):
+                    return worker
+            return None
+
+        return wait_until(found, 60, "a worker that computes")
+
+    def stop(self) -> None:
+        """SIGTERM to all; those that stay are killed."""
+        parts = [self.api, *self.workers]
+        for part in parts:
+            with suppress(psutil.NoSuchProcess):
+                part.terminate()
+        _, left = psutil.wait_procs(parts, timeout=15)
+        for part in left:
+            part.kill()
+            part.wait()
+        self.client.close()
+        assert not left, self.log.read_text()

@@ -5,6 +5,7 @@ import os
 import time
 from pathlib import Path
 
+import obstore
 import pytest
 
 from service.job_store import JobStore
@@ -33,7 +34,7 @@ def sweep(service: Service, hours_later: float, *, hours: float = 24) -> None:
 
 
 def kept_files(service: Service) -> list[str]:
-    return sorted(path.name for path in service.settings.blob_dir.rglob("*") if path.is_file())
+    return sorted(entry["path"] for batch in obstore.list(service.blobs.store) for entry in batch)
 
 
 def test_a_job_goes_with_its_files_and_meshes_after_its_time(service: Service) -> None:
