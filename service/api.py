@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from service.addresses import Guard
 from service.blobs import BlobStore
 from service.engine import Queue
 from service.errors import JobNotFound
@@ -12,7 +13,9 @@ from service.job_store import JobStore
 from service.jobs import JobRow
 from service.keys import Caller, KeyStore
 from service.metrics import Metrics
+from service.rates import Rates
 from service.settings import ServiceSettings
+from service.webhooks import Deliveries
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,9 @@ class Api:
     queue: Queue
     keys: KeyStore
     metrics: Metrics
+    deliveries: Deliveries
+    guard: Guard
+    rates: Rates
 
     def job(self, job_id: str, caller: Caller) -> JobRow:
         """The caller's job, or the problem that there is none: another tenant's is as if it were not there."""

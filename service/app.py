@@ -7,6 +7,7 @@ from contextlib import ExitStack, asynccontextmanager, closing
 from fastapi import FastAPI
 
 from service import problems, version
+from service.addresses import Guard
 from service.api import Api
 from service.blobs import BlobStore
 from service.engine import DbosQueue, Queue
@@ -16,9 +17,12 @@ from service.keys import KeyStore
 from service.limits import BodyLimit
 from service.metrics import Metrics
 from service.openapi import describe
+from service.rates import Rates
+from service.requests import RequestLog
 from service.routes import blobs, jobs, service
 from service.settings import MIB, ServiceSettings
 from service.store import open_database
+from service.webhooks import Deliveries
 
 
 def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI:
@@ -38,6 +42,9 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
                 tickets,
                 KeyStore(engine),
                 Metrics(engine, settings.data_dir),
+                Deliveries(engine),
+                Guard.of(settings.webhook_networks),
+                Rates(settings.rate_limit_per_s),
             )
             yield
 
@@ -51,6 +58,7 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
     # middleware
     app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
+    app.add_middleware(RequestLog)
     # documentation
     describe(app)
     return app

@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
-from service import cli_jobs, cli_keys, cli_meshes
+from service import cli_config, cli_jobs, cli_keys, cli_meshes, cli_webhooks
 from service.settings import ServiceSettings
 
 app = typer.Typer(
@@ -25,6 +25,8 @@ app.command("study")(cli_meshes.study)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
 app.add_typer(cli_keys.app, name="keys")
+app.add_typer(cli_config.app, name="config")
+app.add_typer(cli_webhooks.app, name="webhooks")
 
 Parent = Annotated[int, typer.Option(help="pid of `cusp up`; this process ends with it", hidden=True)]
 

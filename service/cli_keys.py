@@ -11,10 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from service.cli_options import refuse
+from service.cli_options import opened_database, refuse
 from service.keys import BadTenant, KeyRow, KeyStore, Scope
-from service.settings import ServiceSettings
-from service.store import NoDatabase, migrate, migrating, open_database
 
 app = typer.Typer(help="API keys: from the first one on, every request needs one.", no_args_is_help=True)
 DataDir = Annotated[Path | None, typer.Option(help="data folder of the service [CUSP_DATA_DIR or cusp-data]")]
@@ -67,18 +65,8 @@ def revoke(key_id: Annotated[str, typer.Argument(help="of `cusp keys list`")], d
 
 @contextmanager
 def _keys(data_dir: Path | None) -> Iterator[KeyStore]:
-    settings = ServiceSettings() if data_dir is None else ServiceSettings(data_dir=data_dir)
-    settings.make_folders()
-    try:
-        with migrating(settings.database):
-            migrate(settings.database)
-    except NoDatabase as error:
-        refuse(str(error))
-    engine = open_database(settings.database)
-    try:
+    with opened_database(data_dir) as engine:
         yield KeyStore(engine)
-    finally:
-        engine.dispose()
 
 
 def _told(row: KeyRow) -> dict[str, str | None]:

@@ -1,12 +1,18 @@
 """What the commands on meshes share: their options, the bar while they compute, and how they refuse."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from sqlalchemy import Engine
+
+from service.settings import ServiceSettings
+from service.store import NoDatabase, migrate, migrating, open_database
 
 MeshPath = Annotated[Path, typer.Argument(exists=True, dir_okay=False, readable=True)]
 Out = Annotated[Path, typer.Option(help="folder for results.json and the files")]
@@ -49,3 +55,20 @@ def refuse(reason: str) -> NoReturn:
     """End with one sentence and exit code 1."""
     typer.secho(f"cusp: {reason}", err=True, fg="red")
     raise typer.Exit(1)
+
+
+@contextmanager
+def opened_database(data_dir: Path | None) -> Iterator[Engine]:
+    """The service's tables, made when they are not there yet; while the service runs or not."""
+    settings = ServiceSettings() if data_dir is None else ServiceSettings(data_dir=data_dir)
+    settings.make_folders()
+    try:
+        with migrating(settings.database):
+            migrate(settings.database)
+    except NoDatabase as error:
+        refuse(str(error))
+    engine = open_database(settings.database)
+    try:
+        yield engine
+    finally:
+        engine.dispose()

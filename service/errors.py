@@ -18,7 +18,7 @@ class ServiceError(Exception):
     """Base of what the service itself raises on purpose; `detail` says which input, what is wrong, what to do."""
 
     code: ClassVar[str] = "service_error"
-    retry_after_s: ClassVar[int | None] = None
+    retry_after_s: int | None = None
 
     def __init__(self, detail: str, *, errors: list[ProblemItem] | None = None) -> None:
         self.detail = detail
@@ -40,10 +40,6 @@ class InvalidOptions(ServiceError):
 
 class UnsupportedType(ServiceError):
     code = "unsupported_type"
-
-
-class UnsupportedOption(ServiceError):
-    code = "unsupported_option"
 
 
 class UnknownBlob(ServiceError):
@@ -99,6 +95,16 @@ class UnsupportedMediaType(ServiceError):
     code = "unsupported_media_type"
 
 
+class RateLimited(ServiceError):
+    code = "rate_limited"
+    retry_after_s = 1
+
+
+class TenantQueueFull(ServiceError):
+    code = "tenant_queue_full"
+    retry_after_s = 30
+
+
 class QueueFull(ServiceError):
     code = "queue_full"
     retry_after_s = 30
@@ -139,7 +145,6 @@ TABLE: dict[type[Exception], Row] = {
     InvalidRequest: Row(422, "The request is not what this address takes"),
     InvalidOptions: Row(422, "An option is wrong"),
     UnsupportedType: Row(422, "This version does not run this type of job"),
-    UnsupportedOption: Row(422, "This version does not have this option"),
     UnknownBlob: Row(422, "The blob is not stored here"),
     IdempotencyMismatch: Row(422, "The idempotency key was used for another request"),
     DigestMismatch: Row(422, "The content is not what its digest says"),
@@ -148,6 +153,8 @@ TABLE: dict[type[Exception], Row] = {
     # who asks
     Unauthorized: Row(401, "An API key is needed"),
     Forbidden: Row(403, "The API key does not allow this"),
+    RateLimited: Row(429, "Too many requests"),
+    TenantQueueFull: Row(429, "Too many jobs of yours wait"),
     # the address
     NotFound: Row(404, "Nothing is at this address"),
     MethodNotAllowed: Row(405, "The method is not allowed here"),

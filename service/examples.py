@@ -41,10 +41,8 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.UnsupportedType(
         "type 'segment': this version runs registration, landmarks, study; without `type` it is the first"
     ),
-    errors.UnsupportedOption(
-        "options.webhook: this version does not have it; "
-        "poll the job, or send `Prefer: wait=30` with the status request"
-    ),
+    errors.RateLimited("more than 1000 requests a second; send it again in 1 s"),
+    errors.TenantQueueFull("15000 jobs of yours wait already; send it again when some are done"),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored here; send it by PUT /v1/blobs first"),
     errors.PayloadTooLarge(
         "the request has more than the 512 MiB it may have; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"

@@ -21,14 +21,17 @@ _bearer = HTTPBearer(
 def _who(
     request: Request, api: UseApi, given: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 ) -> Caller:
+    address = request.client.host if request.client else "unknown"
     if not api.keys.are_asked_for():
+        api.rates.count(address)
         return ANYBODY
+    caller = None if given is None else api.keys.caller(given.credentials)
+    api.rates.count(address if caller is None else f"key {caller.key_id}")
     if given is None:
         wrong = "it is of another form" if "authorization" in request.headers else "there is none"
         raise Unauthorized(
             f"send an API key as `Authorization: Bearer cusp_...`; {wrong} (`cusp keys create` makes keys)"
         )
-    caller = api.keys.caller(given.credentials)
     if caller is None:
         raise Unauthorized("the API key is not known here, or it was revoked; ask for another one")
     structlog.contextvars.bind_contextvars(tenant=caller.tenant, key_id=caller.key_id)

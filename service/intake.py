@@ -24,13 +24,14 @@ from service.errors import (
     PayloadTooLarge,
     QueueFull,
     ServiceError,
+    TenantQueueFull,
     UnknownBlob,
     UnsupportedMediaType,
 )
 from service.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
 from service.jobs import JobRow, new_id
 from service.keys import Caller
-from service.options import invalid_request, parse_options
+from service.options import check_webhook, invalid_request, parse_options
 from service.schemas import (
     Blob,
     BlobRef,
@@ -121,8 +122,9 @@ def _from_form(api: Api, caller: Caller, form: FormData) -> Wanted:
             raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
     options = parse_options(_text(form, "options", "{}"))
     check_options(job_type, options)
+    check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
-    _check_room(api)
+    _check_room(api, caller)
     blobs = _keep(api, caller, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
     return Wanted(job_type, inputs, options)
@@ -139,6 +141,7 @@ def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
     check_meshes(job_type, given)
     options = parse_options(given.pop("options", {}))
     check_options(job_type, options)
+    check_webhook(options, api.guard)
     try:
         job = REQUESTS[job_type].model_validate(given)
     except ValidationError as error:
@@ -147,7 +150,7 @@ def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
     for name, ref in inputs.items():
         if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
-    _check_room(api)
+    _check_room(api, caller)
     return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
@@ -225,7 +228,11 @@ def _text(form: FormData, name: str, default: str) -> str:
         raise wrong_part(name, "must be UTF-8 text") from error
 
 
-def _check_room(api: Api) -> None:
+def _check_room(api: Api, caller: Caller) -> None:
+    if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
+        raise TenantQueueFull(
+            f"{api.settings.tenant_queue_limit} jobs of yours wait already; send it again when some are done"
+        )
     if api.jobs.count(Status.ACCEPTED) >= api.settings.queue_limit:
         raise QueueFull(f"{api.settings.queue_limit} jobs wait already; send it again later")
 

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, IdempotencyRow, JobRow, WorkerRow, check_move, now_ms
 from service.schemas import JobType, Problem, Status
+from service.webhooks import DeliveryRow, announce
 
 
 class JobStore:
@@ -244,6 +245,7 @@ class JobStore:
         with self._session.begin() as session:
             due = session.scalars(select(JobRow.id).where(JobRow.removed_ms < before_ms).limit(limit)).all()
             session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(due)))
+            session.execute(delete(DeliveryRow).where(DeliveryRow.job_id.in_(due)))
             session.execute(delete(JobRow).where(JobRow.id.in_(due)))
         return len(due)
 
@@ -290,7 +292,10 @@ class JobStore:
                 update(JobRow).where(JobRow.id == job_id, *expected).values(**values).returning(JobRow.id),
                 execution_options={"synchronize_session": False},
             )
-            return done.scalar_one_or_none() is not None
+            is_done = done.scalar_one_or_none() is not None
+            if is_done and "status" in values and values["status"].is_final:
+                announce(session, session.get_one(JobRow, job_id), self._clock_ms())
+            return is_done
 
 
 def _next_turn(session: Session, tenant: str) -> int:

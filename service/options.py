@@ -7,10 +7,9 @@ from typing import Any
 from pydantic import JsonValue, ValidationError
 
 from pipeline import Settings
-from service.errors import BadRequest, InvalidOptions, InvalidRequest, UnsupportedOption
+from service.addresses import ForbiddenAddress, Guard
+from service.errors import BadRequest, InvalidOptions, InvalidRequest
 from service.schemas import Options, ProblemItem
-
-LATER_OPTIONS = {"webhook": "poll the job, or send `Prefer: wait=30` with the status request"}
 
 
 def parse_options(given: object) -> Options:
@@ -18,23 +17,31 @@ def parse_options(given: object) -> Options:
 
     Raises
     ------
-    InvalidOptions, UnsupportedOption, BadRequest
+    InvalidOptions, BadRequest
     """
     if isinstance(given, str | bytes):
         given = _decode(given)
     if not isinstance(given, dict):
         raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
-    for name, remedy in LATER_OPTIONS.items():
-        if given.get(name) is not None:
-            raise UnsupportedOption(f"options.{name}: this version does not have it; {remedy}")
     try:
-        options = Options.model_validate({key: value for key, value in given.items() if key not in LATER_OPTIONS})
+        options = Options.model_validate(given)
         resolve_settings(options)
     except ValidationError as error:
         prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
         items = problem_items(error, prefix)
         raise InvalidOptions(_sentence(items), errors=items) from error
     return options
+
+
+def check_webhook(options: Options, guard: Guard) -> None:
+    """Refuse an address that will never be reached. Raises InvalidOptions."""
+    if options.webhook is None:
+        return
+    try:
+        guard.check_url(options.webhook.url)
+    except ForbiddenAddress as error:
+        item = _item("/options/webhook/url", str(error))
+        raise InvalidOptions(_sentence([item]), errors=[item]) from error
 
 
 def resolve_settings(options: Options) -> Settings:

@@ -70,6 +70,12 @@ class Units(Request):
     mesh: Unit = Field("auto", description="as for `design`; of a `landmarks` or `study` job")
 
 
+class Webhook(Request):
+    """Whom to tell when the job is final, by Standard Webhooks: signed, and sent again until it is taken."""
+
+    url: str = Field(max_length=2000, description="http(s) address; private ones only where the service allows them")
+
+
 class Options(Request):
     """How to run a job; every default runs."""
 
@@ -84,6 +90,7 @@ class Options(Request):
     )
     seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
     label: str | None = Field(None, max_length=200, description="yours, for finding the job again")
+    webhook: Webhook | None = Field(None, description="whom to tell when the job is final")
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:
@@ -173,6 +180,40 @@ class JobPage(Response):
     next: str | None = Field(description="`cursor` of the next page; null on the last")
 
 
+class DeliveryState(StrEnum):
+    """Where a message to a webhook stands."""
+
+    WAITING = "waiting"  # for its first or next attempt
+    DELIVERED = "delivered"  # the receiver said 2xx
+    GIVEN_UP = "given_up"  # after the last attempt, after 410 Gone, or because the address is forbidden
+
+
+class DeliveryAttempt(Response):
+    """One try to deliver a message."""
+
+    at: datetime
+    status: int | None = Field(description="HTTP status of the answer; null when none came")
+    error: str | None = Field(description="why no answer came")
+    seconds: float
+
+
+class Delivery(Response):
+    """A message to a job's webhook."""
+
+    id: str = Field(description="`webhook-id` of the message; the same in every attempt")
+    event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
+    url: str
+    state: DeliveryState
+    next: datetime | None = Field(description="when the next attempt is due; null when there will be none")
+    attempts: list[DeliveryAttempt]
+
+
+class DeliveryList(Response):
+    """Messages to a job's webhook, oldest first."""
+
+    deliveries: list[Delivery]
+
+
 class FileEntry(Response):
     """A file of a successful job."""
 
@@ -196,6 +237,10 @@ class Limits(Response):
     job_time_limit_s: float = Field(description="a job that runs longer fails with job_timed_out")
     job_memory_limit_mib: int = Field(description="a job that takes more memory fails with job_out_of_memory")
     queue_limit: int = Field(description="jobs that may wait; more are refused with queue_full")
+    tenant_queue_limit: int = Field(
+        description="jobs of one tenant that may wait; more are refused with tenant_queue_full"
+    )
+    rate_limit_per_s: int = Field(description="requests a second of one key or address; 0: any number")
     parallel_jobs: int = Field(description="jobs that run at the same time")
     job_types: list[str] = Field(description="values of `type` that this version runs")
     formats: list[str] = Field(description="mesh formats that are recognised")

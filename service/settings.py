@@ -2,7 +2,7 @@
 
 import os
 import re
-from ipaddress import ip_address
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Literal
 
@@ -36,7 +36,18 @@ class ServiceSettings(BaseSettings):
         720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: for ever"
     )
     min_free_disk_mib: int = Field(1024, ge=0, description="with less room on the data volume /readyz says not_ready")
+    webhook_networks: str = Field(
+        "", description="networks that webhooks may reach though they are private: `10.1.0.0/16, 127.0.0.0/8`"
+    )
     queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
+    tenant_queue_limit: int = Field(
+        15_000, ge=1, description="jobs of one tenant that may wait; more are refused (tenant_queue_full)"
+    )
+    rate_limit_per_s: int = Field(
+        1000,
+        ge=0,
+        description="requests a second of one key or address; more are refused (rate_limited); 0: any number",
+    )
     worker_id: str = Field(
         "worker-1",
         pattern=r"^[A-Za-z0-9._-]{1,100}$",
@@ -52,6 +63,13 @@ class ServiceSettings(BaseSettings):
         if url and not re.match(r"postgres(ql)?(\+psycopg)?://", url):
             raise ValueError("must be postgresql://user:password@host/name, or empty for SQLite")
         return SecretStr(re.sub(r"^postgres(ql)?(\+psycopg)?://", "postgresql+psycopg://", url))
+
+    @field_validator("webhook_networks", mode="after")
+    @classmethod
+    def _are_networks(cls, networks: str) -> str:
+        for word in filter(None, (each.strip() for each in networks.split(","))):
+            ip_network(word)  # its ValueError says what is wrong
+        return networks
 
     @field_validator("blob_url", mode="after")
     @classmethod

@@ -8,17 +8,20 @@ import time
 
 import structlog
 
+from service.addresses import Guard
 from service.blobs import BlobStore
 from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
 from service.jobs import now_ms
 from service.metrics import Metrics
+from service.post import Poster
 from service.reaper import DEAD_AFTER_MS, Reaper
 from service.retention import Retention
 from service.sandbox import Limits, Sandbox, SandboxError
 from service.settings import ServiceSettings
 from service.store import open_database
+from service.webhooks import Deliveries, Sender
 from service.worker import Worker
 
 EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
@@ -55,6 +58,8 @@ def run_worker(settings: ServiceSettings) -> int:
     reaper.at_start(settings.worker_id)
     DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
+    poster = Poster(Guard.of(settings.webhook_networks))
+    threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
     retention = Retention(jobs, blobs, settings.retention_h)
     _tend(settings.worker_id, jobs, (reaper, retention), worker, stop)
     in_time = worker.stop(STOP_TIMEOUT_S)

@@ -20,7 +20,7 @@ RAW_BODY = {
 }
 
 
-@router.put("", responses=problems(401, 403, 413, 415, 422), openapi_extra=RAW_BODY)
+@router.put("", responses=problems(401, 403, 413, 415, 422, 429), openapi_extra=RAW_BODY)
 async def put_blob(
     request: Request,
     api: UseApi,
@@ -31,7 +31,7 @@ async def put_blob(
     return await accept_blob(request, api, caller, filename)
 
 
-@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404)})
+@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404, 429)})
 def head_blob(blob_id: str, api: UseApi, caller: Reads) -> Response:
     """Ask whether a blob is stored, before sending it."""
     row = api.jobs.blob(blob_id, caller.tenant)

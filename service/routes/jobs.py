@@ -23,8 +23,9 @@ from service.job_body import JOB_BODY
 from service.jobs import JobRow
 from service.keys import Caller
 from service.problems import problems
-from service.schemas import FileList, Job, JobPage, JobType, Results, Status
+from service.schemas import DeliveryList, FileList, Job, JobPage, JobType, Results, Status
 from service.views import files_of, job_of
+from service.webhooks import delivery_list
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -33,7 +34,7 @@ MAX_WAIT_S = 60
 WAIT_LOOK_S = 0.1
 
 
-@router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 503), openapi_extra=JOB_BODY)
+@router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY)
 async def submit(
     request: Request,
     response: Response,
@@ -60,7 +61,7 @@ async def submit(
     return job_of(row)
 
 
-@router.get("", responses=problems(401, 403, 422))
+@router.get("", responses=problems(401, 403, 422, 429))
 def list_jobs(
     api: UseApi,
     caller: Reads,
@@ -80,7 +81,7 @@ def list_jobs(
 @router.get(
     "/{job_id}",
     response_model=Job,
-    responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404)},
+    responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404, 429)},
 )
 async def status(
     job_id: str,
@@ -106,7 +107,7 @@ def _existing(job_id: str, api: UseApi, caller: Reads) -> JobRow:
 @router.get(
     "/{job_id}/events",
     response_class=EventSourceResponse,
-    responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404)},
+    responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
 )
 async def events(
     job_id: str, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
@@ -127,7 +128,9 @@ async def events(
         await asyncio.sleep(WAIT_LOOK_S)
 
 
-@router.get("/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 500))
+@router.get(
+    "/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 429, 500)
+)
 def results(job_id: str, api: UseApi, caller: Reads) -> Response:
     """Get results.json; of a failed job, its problem."""
     row = api.job(job_id, caller)
@@ -137,7 +140,7 @@ def results(job_id: str, api: UseApi, caller: Reads) -> Response:
     return _download(api, row, "results.json", inline=True)
 
 
-@router.get("/{job_id}/files", responses=problems(401, 403, 404, 409))
+@router.get("/{job_id}/files", responses=problems(401, 403, 404, 409, 429))
 def list_files(job_id: str, api: UseApi, caller: Reads) -> FileList:
     """List the files of a successful job."""
     row = api.job(job_id, caller)
@@ -148,7 +151,7 @@ def list_files(job_id: str, api: UseApi, caller: Reads) -> FileList:
 @router.get(
     "/{job_id}/files/{name}",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 409)},
+    responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 409, 429)},
 )
 def download(job_id: str, name: str, api: UseApi, caller: Reads) -> Response:
     """Download a file of a successful job."""
@@ -157,7 +160,13 @@ def download(job_id: str, name: str, api: UseApi, caller: Reads) -> Response:
     return _download(api, row, name)
 
 
-@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404))
+@router.get("/{job_id}/deliveries", responses=problems(401, 403, 404, 429))
+def list_deliveries(job_id: str, api: UseApi, caller: Reads) -> DeliveryList:
+    """List the messages to the job's webhook, and how each attempt to deliver them ended."""
+    return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
+
+
+@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
 def dismiss(job_id: str, api: UseApi, caller: Writes) -> None:
     """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
     row = api.jobs.find(job_id, caller.tenant)

@@ -44,7 +44,7 @@ def readyz(api: UseApi) -> Health:
 @router.get(
     "/metrics",
     response_class=Response,
-    responses={200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}}, **problems(401, 403)},
+    responses={200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}}, **problems(401, 403, 429)},
 )
 def metrics(api: UseApi, _: Admins) -> Response:
     """Say how it goes, for Prometheus; with API keys, to one with the scope `admin`."""
@@ -57,7 +57,7 @@ def get_version() -> Version:
     return Version(version=version.VERSION)
 
 
-@router.get("/v1/limits", responses=problems(401, 403))
+@router.get("/v1/limits", responses=problems(401, 403, 429))
 def limits(api: UseApi, _: Reads) -> Limits:
     """Say what this server accepts."""
     return Limits(
@@ -65,6 +65,8 @@ def limits(api: UseApi, _: Reads) -> Limits:
         job_time_limit_s=api.settings.job_time_limit_s,
         job_memory_limit_mib=api.settings.job_memory_limit_mib,
         queue_limit=api.settings.queue_limit,
+        tenant_queue_limit=api.settings.tenant_queue_limit,
+        rate_limit_per_s=api.settings.rate_limit_per_s,
         parallel_jobs=api.settings.jobs,
         job_types=list(JOB_TYPES),
         formats=[each.value for each in Format],

@@ -38,12 +38,14 @@ class NotingQueue:
 
     waiting: list[str] = field(default_factory=list)
     broken: bool = False
+    turns: dict[str, int] = field(default_factory=dict)
 
     def enqueue(self, job_id: str, turn: int) -> None:
         if self.broken:
             raise ConnectionError("the queue is away")
         if job_id not in self.waiting:
             self.waiting.append(job_id)
+        self.turns[job_id] = turn
 
     requeue = enqueue
 

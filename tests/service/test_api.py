@@ -73,7 +73,8 @@ def test_options_may_come_as_a_file(service: Service) -> None:
         ('{"tolerance_mm": NaN}', "invalid_options", "options.tolerance_mm"),
         ('{"units": {"scan": "ell"}}', "invalid_options", "options.units.scan"),
         ('{"preset": "best"}', "invalid_options", "options.preset"),
-        ('{"webhook": {"url": "http://x"}}', "unsupported_option", "options.webhook"),
+        ('{"webhook": {"url": "http://10.0.0.1"}}', "invalid_options", "options.webhook.url"),
+        ('{"webhook": "http://example.org"}', "invalid_options", "options.webhook"),
         ("[]", "invalid_options", "object"),
     ],
 )

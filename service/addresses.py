@@ -1,0 +1,104 @@
+"""Where webhooks may go. A client names the address, our machine sends: without a guard that reaches what only we can reach.
+
+The name is looked up once and the connection goes to the very address that was judged, so a name that changes its answer
+between the two (DNS rebinding) gains nothing. Redirects are not followed.
+"""
+
+import socket
+from collections.abc import Iterable
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
+from urllib.parse import urlsplit
+
+import httpcore
+
+Network = IPv4Network | IPv6Network
+_NAT64 = IPv6Network("64:ff9b::/96")
+
+
+class ForbiddenAddress(Exception):
+    """An address that webhooks must not reach."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """allowed : networks that webhooks may reach though they are not public"""
+
+    allowed: tuple[Network, ...] = ()
+
+    @classmethod
+    def of(cls, networks: str) -> "Guard":
+        """`10.1.0.0/16, fd00::/8`. Raises ValueError."""
+        return cls(tuple(ip_network(word.strip()) for word in networks.split(",") if word.strip()))
+
+    def check_url(self, url: str) -> None:
+        """Refuse what can be refused without asking the network. Raises ForbiddenAddress."""
+        try:
+            parts = urlsplit(url)
+            host, _ = parts.hostname, parts.port
+        except ValueError as error:
+            raise ForbiddenAddress(f"is no address ({error})") from error
+        if parts.scheme not in ("http", "https") or not host:
+            raise ForbiddenAddress("must be http://host/path or https://host/path")
+        if parts.username is not None or parts.password is not None:
+            raise ForbiddenAddress("must not hold a user name or a password")
+        if not url.isascii() or any(each <= " " or each == "\x7f" for each in url):
+            raise ForbiddenAddress("must be plain ASCII without spaces; encode the rest with %")
+        try:
+            address = ip_address(host)
+        except ValueError:
+            if host == "localhost" or host.endswith(".localhost"):
+                self.check("localhost", ip_address("127.0.0.1"))
+            return  # a name: judged when it is looked up
+        self.check(host, address)
+
+    def check(self, host: str, address: IPv4Address | IPv6Address) -> None:
+        """Raise ForbiddenAddress unless the address is public or allowed."""
+        for each in (address, *_within(address)):
+            if any(each.version == network.version and each in network for network in self.allowed):
+                continue
+            if not each.is_global or each.is_multicast:
+                raise ForbiddenAddress(
+                    f"{host} is not a public address ({each}); whoever runs the service can allow its network by "
+                    "CUSP_WEBHOOK_NETWORKS"
+                )
+
+
+def _within(address: IPv4Address | IPv6Address) -> list[IPv4Address]:
+    """IPv4 addresses that an IPv6 address leads to."""
+    if isinstance(address, IPv4Address):
+        return []
+    found = [address.ipv4_mapped, address.sixtofour, address.teredo[1] if address.teredo else None]
+    if address in _NAT64:
+        found.append(IPv4Address(int(address) & 0xFFFFFFFF))
+    return [each for each in found if each is not None]
+
+
+class GuardedBackend(httpcore.NetworkBackend):
+    """httpcore's way to a socket, with the guard between name and connection."""
+
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+        self._sockets = httpcore.SyncBackend()
+
+    def connect_tcp(
+        self,
+        host: str,
+        port: int,
+        timeout: float | None = None,
+        local_address: str | None = None,
+        socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
+    ) -> httpcore.NetworkStream:
+        """Look the name up, judge every answer, connect to the first."""
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            raise httpcore.ConnectError(f"{host} has no address ({error})") from error
+        addresses = [str(each[4][0]) for each in found]
+        for address in addresses:
+            self._guard.check(host, ip_address(address.partition("%")[0]))
+        return self._sockets.connect_tcp(addresses[0], port, timeout, local_address, socket_options)
+
+    def sleep(self, seconds: float) -> None:
+        """See httpcore."""
+        self._sockets.sleep(seconds)
