@@ -6,6 +6,9 @@ RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends ca-certificates g++ python3-dev python3-venv \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
+# Behind a mirror or a proxy that checks: --build-arg PIP_INDEX_URL=..., --build-arg PIP_CERT=/path/in/the/base.
+ARG PIP_INDEX_URL
+ARG PIP_CERT
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python3 -m venv /opt/cusp
 # The libraries first: a change of our code does not fetch them again.
@@ -16,9 +19,13 @@ COPY LICENSE README.md CMakeLists.txt ./
 COPY pipeline pipeline
 COPY service service
 RUN /opt/cusp/bin/pip install --constraint constraints.txt . \
-    && /opt/cusp/bin/pip uninstall --yes pip
+    && /opt/cusp/bin/pip uninstall --yes pip \
+    && /opt/cusp/bin/python -m compileall -q /opt/cusp/lib || true
 
 FROM ${BASE} AS runtime
+LABEL org.opencontainers.image.title="Cusp" \
+      org.opencontainers.image.description="Register the scan of a 3D-printed part to its design, with nobody picking points." \
+      org.opencontainers.image.licenses="GPL-3.0-only"
 # What the wheels of open3d and pymeshlab expect of the system. Without libopengl0, pymeshlab loads but loses
 # its meshing filters, without a word: hence the check below, and another at each start of the service.
 RUN apt-get update \
@@ -32,6 +39,7 @@ COPY --from=builder /opt/cusp /opt/cusp
 ENV PATH=/opt/cusp/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
+    MPLCONFIGDIR=/tmp/matplotlib \
     CUSP_DATA_DIR=/data
 USER 10001:10001
 WORKDIR /data
@@ -39,11 +47,12 @@ RUN ["python", "-c", "import pipeline; pipeline.preload()"]
 
 VOLUME /data
 EXPOSE 8000
+# Of `cusp up` and `cusp api`; a `cusp worker` has no port: its life shows in the API's /readyz.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
-# Inside a container every address but its own is "another machine". This version has no API keys: publish the
-# port on loopback only (docker run -p 127.0.0.1:8000:8000), or put a proxy that checks who asks in front of it.
-ENV CUSP_ALLOW_OPEN=1
+    CMD ["python", "-c", "import os, urllib.request; urllib.request.urlopen(f'http://127.0.0.1:{os.environ.get(\"CUSP_PORT\", \"8000\")}/readyz', timeout=4)"]
+# Inside a container every address but its own is "another machine": without API keys (`cusp keys create`) the service
+# refuses to start, unless CUSP_ALLOW_OPEN=1 says that something else guards the port (docker run -p 127.0.0.1:8000:8000).
+ENV CUSP_HOST=0.0.0.0
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["cusp"]
-CMD ["up", "--host", "0.0.0.0", "--port", "8000"]
+CMD ["up"]

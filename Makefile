@@ -9,10 +9,10 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test servers check format bench openapi clean
+.PHONY: help setup demo serve test servers check format bench image-test openapi clean
 
 help: ## list the commands
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 setup: $(READY) ## make .venv with everything installed
 
@@ -59,6 +59,9 @@ check: $(READY) ## ruff, and mypy strict on both packages
 format: $(READY) ## put the code in shape
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+image-test: $(READY) ## build the image with what engine there is, run it, register the demo over HTTP, stop it
+	$(BIN)/python -m tests.image
 
 openapi: $(READY) ## write openapi/openapi.json and its examples
 	$(BIN)/cusp openapi

@@ -2,11 +2,12 @@
 
 import os
 import re
+import socket
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, SecretStr, field_validator
+from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 MIB = 1024 * 1024
@@ -49,9 +50,9 @@ class ServiceSettings(BaseSettings):
         description="requests a second of one key or address; more are refused (rate_limited); 0: any number",
     )
     worker_id: str = Field(
-        "worker-1",
-        pattern=r"^[A-Za-z0-9._-]{1,100}$",
-        description="name of the worker: its own, and the same over restarts",
+        "",
+        pattern=r"^[A-Za-z0-9._-]{0,100}$",
+        description="name of the worker: its own, and the same over restarts; empty: worker-1, on PostgreSQL the machine's name",
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
     log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
@@ -70,6 +71,12 @@ class ServiceSettings(BaseSettings):
         for word in filter(None, (each.strip() for each in networks.split(","))):
             ip_network(word)  # its ValueError says what is wrong
         return networks
+
+    @field_validator("worker_id", mode="after")
+    @classmethod
+    def _has_a_name(cls, name: str, others: ValidationInfo) -> str:
+        database_url: SecretStr = others.data.get("database_url", SecretStr(""))
+        return name or (socket.gethostname() if database_url.get_secret_value() else "worker-1")
 
     @field_validator("blob_url", mode="after")
     @classmethod
