@@ -1,16 +1,11 @@
 """Where webhooks may go. A client names the address, our machine sends: without a guard that reaches what only we can reach.
 
-The name is looked up once and the connection goes to the very address that was judged, so a name that changes its answer
-between the two (DNS rebinding) gains nothing. Redirects are not followed.
+`check_url` judges what a client sends, `check` the very address that `post.py` then connects to.
 """
 
-import socket
-from collections.abc import Iterable
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from urllib.parse import urlsplit
-
-import httpcore
 
 Network = IPv4Network | IPv6Network
 _NAT64 = IPv6Network("64:ff9b::/96")
@@ -72,33 +67,3 @@ def _within(address: IPv4Address | IPv6Address) -> list[IPv4Address]:
     if address in _NAT64:
         found.append(IPv4Address(int(address) & 0xFFFFFFFF))
     return [each for each in found if each is not None]
-
-
-class GuardedBackend(httpcore.NetworkBackend):
-    """httpcore's way to a socket, with the guard between name and connection."""
-
-    def __init__(self, guard: Guard) -> None:
-        self._guard = guard
-        self._sockets = httpcore.SyncBackend()
-
-    def connect_tcp(
-        self,
-        host: str,
-        port: int,
-        timeout: float | None = None,
-        local_address: str | None = None,
-        socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
-    ) -> httpcore.NetworkStream:
-        """Look the name up, judge every answer, connect to the first."""
-        try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        except (OSError, UnicodeError) as error:
-            raise httpcore.ConnectError(f"{host} has no address ({error})") from error
-        addresses = [str(each[4][0]) for each in found]
-        for address in addresses:
-            self._guard.check(host, ip_address(address.partition("%")[0]))
-        return self._sockets.connect_tcp(addresses[0], port, timeout, local_address, socket_options)
-
-    def sleep(self, seconds: float) -> None:
-        """See httpcore."""
-        self._sockets.sleep(seconds)

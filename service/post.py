@@ -1,35 +1,55 @@
-"""One POST to an address that a client named: guarded, with a deadline, and without an interest in the answer's body."""
+"""One POST to an address that a client named: guarded, with a deadline, and without an interest in the answer's body.
 
+The name is looked up once and the connection goes to the very address that was judged, so a name that changes its answer
+between the two (DNS rebinding) gains nothing. Redirects are not followed.
+"""
+
+import socket
 import ssl
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from ipaddress import ip_address
 from urllib.parse import urlsplit
 
 import certifi
 import httpcore
 
 from service import version
-from service.addresses import ForbiddenAddress, Guard, GuardedBackend
+from service.addresses import ForbiddenAddress, Guard
+from service.webhooks import Answer
 
 TIMEOUT_S = 10.0  # to connect, and for each read
 MAX_RETRY_AFTER_S = 24 * 3600
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """How an attempt ended. status : None when no answer came; error : why"""
+class GuardedBackend(httpcore.NetworkBackend):
+    """httpcore's way to a socket, with the guard between name and connection."""
 
-    status: int | None
-    error: str | None
-    seconds: float
-    retry_after_s: int = 0
-    is_forbidden: bool = False
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+        self._sockets = httpcore.SyncBackend()
 
-    @property
-    def is_taken(self) -> bool:
-        """True when the receiver said 2xx."""
-        return self.status is not None and 200 <= self.status < 300
+    def connect_tcp(
+        self,
+        host: str,
+        port: int,
+        timeout: float | None = None,
+        local_address: str | None = None,
+        socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
+    ) -> httpcore.NetworkStream:
+        """Look the name up, judge every answer, connect to the first."""
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            raise httpcore.ConnectError(f"{host} has no address ({error})") from error
+        addresses = [str(each[4][0]) for each in found]
+        for address in addresses:
+            self._guard.check(host, ip_address(address.partition("%")[0]))
+        return self._sockets.connect_tcp(addresses[0], port, timeout, local_address, socket_options)
+
+    def sleep(self, seconds: float) -> None:
+        """See httpcore."""
+        self._sockets.sleep(seconds)
 
 
 class Poster:

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from importlib import resources
 from typing import Any
 
-from alembic import command
-from alembic.config import Config
 from sqlalchemy import Engine, create_engine, event, make_url, text
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import OperationalError
@@ -38,6 +36,9 @@ def open_database(url: str) -> Engine:
 
 def migrate(url: str) -> None:
     """Bring the tables to this version's form; an SQLite file is created when it is missing."""
+    from alembic import command  # here: an API that runs has no use for it
+    from alembic.config import Config
+
     logging.getLogger("alembic").setLevel(logging.WARNING)
     config = Config()
     config.set_main_option("script_location", str(resources.files("service") / "migrations"))

@@ -6,34 +6,42 @@ receiver may get a message twice (a sender died after sending): `webhook-id` is 
 
 import json
 import secrets
-import threading
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-import structlog
 from sqlalchemy import JSON, BigInteger, Engine, Index, String, Text, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
-from standardwebhooks import Webhook
 
 from service.jobs import Base, JobRow, new_id, now_ms
-from service.post import Answer, Poster
 from service.schemas import Delivery, DeliveryAttempt, DeliveryList, DeliveryState
 from service.views import job_of, time_of
 
 #: Seconds from a failed attempt to the next: as Standard Webhooks advises, some two days in all.
 BACK_OFF_S = (5, 30, 120, 600, 1800, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3600)
 LEASE_MS = 60_000  # a sender that took a message and died: another may send it after this
-LOOK_INTERVAL_S = 0.5
-SENDERS = 8
 GONE = 410  # the receiver wants no more of it
 ROTATION_MS = 24 * 3_600_000  # so long messages are signed with the old secret too
-log = structlog.get_logger()
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """How an attempt ended. status : None when no answer came; error : why"""
+
+    status: int | None
+    error: str | None
+    seconds: float
+    retry_after_s: int = 0
+    is_forbidden: bool = False
+
+    @property
+    def is_taken(self) -> bool:
+        """True when the receiver said 2xx."""
+        return self.status is not None and 200 <= self.status < 300
 
 
 class DeliveryRow(Base):
@@ -187,61 +195,3 @@ class Deliveries:
 
 def _new_secret() -> str:
     return "whsec_" + b64encode(secrets.token_bytes(32)).decode()
-
-
-def signed_headers(message_id: str, body: str, keys: Sequence[str], at_ms: int) -> dict[str, str]:
-    """The three headers of Standard Webhooks."""
-    at = datetime.fromtimestamp(at_ms // 1000, UTC)
-    return {
-        "webhook-id": message_id,
-        "webhook-timestamp": str(at_ms // 1000),
-        "webhook-signature": " ".join(Webhook(key).sign(message_id, at, body) for key in keys),
-    }
-
-
-@dataclass(slots=True)
-class Sender:
-    """Sends what is due, some at a time, until `stop`; in any number of workers."""
-
-    deliveries: Deliveries
-    poster: Poster
-    clock_ms: Callable[[], int] = now_ms
-
-    def run(self, stop: threading.Event) -> None:
-        """Until `stop`. Messages that are being sent then are sent again, later or by another."""
-        with ThreadPoolExecutor(SENDERS, thread_name_prefix="webhook") as pool:
-            busy = threading.Semaphore(SENDERS)
-            while not stop.wait(LOOK_INTERVAL_S):
-                try:
-                    self._round(pool, busy)
-                except Exception:
-                    log.exception("webhooks wait")  # the database is away, most likely
-            pool.shutdown(wait=False, cancel_futures=True)
-
-    def _round(self, pool: ThreadPoolExecutor, busy: threading.Semaphore) -> None:
-        free = 0
-        while free < SENDERS and busy.acquire(blocking=False):
-            free += 1
-        taken = self.deliveries.take(free) if free else []
-        for _ in range(free - len(taken)):
-            busy.release()
-        for row in taken:
-            pool.submit(self._send_and_release, row, busy)
-
-    def _send_and_release(self, row: DeliveryRow, busy: threading.Semaphore) -> None:
-        try:
-            self.send(row)
-        except Exception:
-            log.exception("webhook not noted", job_id=row.job_id, message=row.id)
-        finally:
-            busy.release()
-
-    def send(self, row: DeliveryRow) -> DeliveryState:
-        """One attempt."""
-        headers = signed_headers(row.id, row.body, self.deliveries.secrets(row.tenant), self.clock_ms())
-        answer = self.poster.post(row.url, headers, row.body.encode())
-        state = self.deliveries.note(row, answer)
-        said = log.info if answer.is_taken else log.warning
-        facts = {"status": answer.status, "error": answer.error, "state": state.value}
-        said("webhook", job_id=row.job_id, message=row.id, attempt=len(row.attempts) + 1, **facts)
-        return state

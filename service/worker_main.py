@@ -19,9 +19,10 @@ from service.post import Poster
 from service.reaper import DEAD_AFTER_MS, Reaper
 from service.retention import Retention
 from service.sandbox import Limits, Sandbox, SandboxError
+from service.sender import Sender
 from service.settings import ServiceSettings
 from service.store import open_database
-from service.webhooks import Deliveries, Sender
+from service.webhooks import Deliveries
 from service.worker import Worker
 
 EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help

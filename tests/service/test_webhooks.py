@@ -22,9 +22,10 @@ from service.job_store import JobStore
 from service.jobs import now_ms
 from service.post import Poster
 from service.schemas import DeliveryState
+from service.sender import Sender
 from service.settings import ServiceSettings
 from service.store import open_database
-from service.webhooks import BACK_OFF_S, LEASE_MS, Deliveries, Sender
+from service.webhooks import BACK_OFF_S, LEASE_MS, Deliveries
 from tests.service.conftest import Service
 
 pytestmark = pytest.mark.storages
@@ -288,7 +289,7 @@ def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
 
     url = receiver.url.replace("127.0.0.1", "rebinding.example.org")
     Guard().check_url(url)
-    monkeypatch.setattr("service.addresses.socket.getaddrinfo", looked_up)
+    monkeypatch.setattr("service.post.socket.getaddrinfo", looked_up)
     poster = Poster(Guard())
     answer = poster.post(url, {}, b"{}")
     poster.close()
