@@ -7,7 +7,6 @@ from fastapi import Depends, Request
 
 from service.addresses import Guard
 from service.blobs import BlobStore
-from service.engine import Queue
 from service.errors import JobNotFound
 from service.job_store import JobStore
 from service.jobs import JobRow
@@ -25,7 +24,6 @@ class Api:
     settings: ServiceSettings
     jobs: JobStore
     blobs: BlobStore
-    queue: Queue
     keys: KeyStore
     metrics: Metrics
     deliveries: Deliveries

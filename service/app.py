@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import AsyncIterator
-from contextlib import ExitStack, asynccontextmanager, closing
+from contextlib import ExitStack, asynccontextmanager
 
 from fastapi import FastAPI
 
@@ -10,7 +10,6 @@ from service import problems, version
 from service.addresses import Guard
 from service.api import Api
 from service.blobs import BlobStore
-from service.engine import DbosQueue, Queue
 from service.gunzip import Gunzip
 from service.job_store import JobStore
 from service.keys import KeyStore
@@ -25,8 +24,8 @@ from service.store import open_database
 from service.webhooks import Deliveries
 
 
-def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI:
-    """The ASGI application on a data folder that is migrated already; tests give a queue of their own."""
+def create_app(settings: ServiceSettings) -> FastAPI:
+    """The ASGI application on a data folder that is migrated already."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -34,12 +33,10 @@ def create_app(settings: ServiceSettings, queue: Queue | None = None) -> FastAPI
         engine = open_database(settings.database)
         with ExitStack() as stack:
             stack.callback(engine.dispose)
-            tickets = queue or stack.enter_context(closing(DbosQueue(settings.queue)))
             app.state.api = Api(
                 settings,
                 JobStore(engine),
                 BlobStore(settings.blobs),
-                tickets,
                 KeyStore(engine),
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),

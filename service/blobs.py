@@ -44,7 +44,9 @@ class UploadWriter:
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
         self._key = f"incoming/{uuid.uuid4()}"
-        self._writer = obstore.open_writer(store, self._key)
+        # A bucket takes parts of 5 MiB and more; a file takes anything, and what is buffered is memory of the API.
+        buffer_bytes = CHUNK_BYTES if isinstance(store, LocalStore) else 8 * CHUNK_BYTES
+        self._writer = obstore.open_writer(store, self._key, buffer_size=buffer_bytes)
         self._hash = hashlib.sha256()
         self._size = 0
         self._head = b""
@@ -99,7 +101,7 @@ class BlobStore:
     def receive(self, file: IO[bytes]) -> Upload:
         """Copy an open file in."""
         writer = self.writer()
-        while chunk := file.read(CHUNK_BYTES):
+        while chunk := file.read(CHUNK_BYTES // 4):
             writer.write(chunk)
         return writer.finish()
 

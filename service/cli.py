@@ -1,6 +1,5 @@
 """The `cusp` command: the service, its client, and the method without a server."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from service import cli_config, cli_jobs, cli_keys, cli_meshes, cli_webhooks
+from service.part import become
 from service.settings import ServiceSettings
 
 app = typer.Typer(
@@ -27,8 +27,6 @@ app.command("demo")(cli_jobs.demo)
 app.add_typer(cli_keys.app, name="keys")
 app.add_typer(cli_config.app, name="config")
 app.add_typer(cli_webhooks.app, name="webhooks")
-
-Parent = Annotated[int, typer.Option(help="pid of `cusp up`; this process ends with it", hidden=True)]
 
 
 @app.command()
@@ -53,22 +51,15 @@ def up(
 
 
 @app.command()
-def api(parent: Parent = 0) -> None:
+def api() -> None:
     """Run the API alone, one of many on CUSP_DATABASE_URL and CUSP_BLOB_URL."""
-    from service.api_main import run_api
-
-    with _part("api", parent) as settings:
-        raise typer.Exit(run_api(settings))
+    become("api")
 
 
 @app.command()
-def worker(parent: Parent = 0) -> None:
+def worker() -> None:
     """Run a worker alone, one of many; each has a CUSP_WORKER_ID of its own."""
-    from service.worker_main import run_worker
-
-    with _part("worker", parent) as settings:
-        code = run_worker(settings)
-    os._exit(code)  # a thread of DBOS that waits must not keep the process
+    become("worker")
 
 
 @app.command()
@@ -83,25 +74,6 @@ def openapi(out: Annotated[Path, typer.Option(help="folder to write to")] = Path
 def main() -> None:
     """Entry of the console script."""
     app()
-
-
-@contextmanager
-def _part(name: str, parent: int) -> Iterator[ServiceSettings]:
-    """What each process does first: those of `cusp up` find all prepared, one that runs alone prepares."""
-    from service.logs import set_up_logs
-    from service.process import die_with_parent
-    from service.up import prepare
-
-    settings = _settings()
-    set_up_logs(settings, name)
-    if parent:
-        die_with_parent(parent)
-        yield settings
-        return
-    with _refusing():
-        lock = prepare(settings, name)
-    with lock:
-        yield settings
 
 
 @contextmanager

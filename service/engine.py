@@ -6,7 +6,7 @@ both are fixed; queues poll every second unless told; its clock on SQLite has 1 
 """
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from typing import Protocol
 
@@ -27,14 +27,14 @@ class Queue(Protocol):
     def enqueue(self, job_id: str, turn: int) -> None:
         """Have a worker run the job, those with the least `turn` first. Again for the same job: nothing."""
 
-    def drop(self, job_id: str) -> None:
-        """Forget a job that waits."""
+    def drop(self, job_ids: Sequence[str]) -> None:
+        """Forget jobs that wait."""
 
     def requeue(self, job_id: str, turn: int) -> None:
         """Have a worker run a job whose ticket was used up or is held by a dead worker."""
 
-    def tickets(self) -> set[str]:
-        """Jobs whose ticket waits or is being worked on."""
+    def tickets(self) -> dict[str, str | None]:
+        """Jobs whose ticket waits (None) or is held by a worker (its name)."""
 
 
 def migrate_queue(url: str) -> None:
@@ -68,9 +68,9 @@ class DbosQueue:
             job_id,
         )
 
-    def drop(self, job_id: str) -> None:
+    def drop(self, job_ids: Sequence[str]) -> None:
         """See Queue. A ticket that a worker holds already is void, since the row says dismissed."""
-        self._client.cancel_workflow(job_id)
+        self._client.cancel_workflows(list(job_ids))
 
     def requeue(self, job_id: str, turn: int) -> None:
         """See Queue."""
@@ -81,10 +81,10 @@ class DbosQueue:
         else:
             self._client.resume_workflow(job_id, queue_name=QUEUE)
 
-    def tickets(self) -> set[str]:
+    def tickets(self) -> dict[str, str | None]:
         """See Queue."""
         active = self._client.list_workflows(status=["ENQUEUED", "PENDING"], load_input=False, load_output=False)
-        return {workflow.workflow_id for workflow in active}
+        return {each.workflow_id: each.executor_id if each.status == "PENDING" else None for each in active}
 
     def _status(self, job_id: str) -> str | None:
         found = self._client.list_workflows(workflow_ids=[job_id], load_input=False, load_output=False)

@@ -177,11 +177,6 @@ def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
         if stored.id != row.id:
             log.info("job known by its idempotency key", job_id=stored.id)
             return stored
-    try:
-        api.queue.enqueue(row.id, row.turn)
-    except Exception:
-        # The row is committed, so the job is safe: the reaper enqueues it.
-        log.exception("enqueue failed", job_id=row.id)
     log.info("job accepted", job_id=row.id, type=row.type, label=row.label)
     return row
 

@@ -179,10 +179,37 @@ class JobStore:
         return Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
 
     def waiting_since(self, before_ms: int) -> dict[str, int]:
-        """Accepted jobs created before then, oldest first, and the turn of each."""
-        query = select(JobRow.id, JobRow.turn).where(JobRow.status == Status.ACCEPTED, JobRow.created_ms < before_ms)
+        """Accepted jobs created before then that were given to the queue, oldest first, and the turn of each."""
+        waits = (JobRow.status == Status.ACCEPTED, JobRow.has_ticket.is_(True), JobRow.created_ms < before_ms)
+        query = select(JobRow.id, JobRow.turn).where(*waits)
         with self._session() as session:
             return {row.id: row.turn for row in session.execute(query.order_by(JobRow.id))}
+
+    def without_ticket(self, limit: int) -> dict[str, int]:
+        """Accepted jobs that were never given to the queue, and the turn of each; the first ones first."""
+        query = select(JobRow.id, JobRow.turn).where(JobRow.has_ticket.is_(False), JobRow.status == Status.ACCEPTED)
+        with self._session() as session:
+            return {row.id: row.turn for row in session.execute(query.order_by(JobRow.turn, JobRow.id).limit(limit))}
+
+    def dismissed_with_ticket(self, limit: int) -> Sequence[str]:
+        """Dismissed jobs whose ticket was not taken back."""
+        query = select(JobRow.id).where(JobRow.has_ticket.is_(True), JobRow.status == Status.DISMISSED)
+        with self._session() as session:
+            return session.scalars(query.limit(limit)).all()
+
+    def note_ticket(self, job_ids: Sequence[str], *, has_ticket: bool) -> None:
+        """Note that jobs have a ticket, or none."""
+        with self._session.begin() as session:
+            session.execute(
+                update(JobRow).where(JobRow.id.in_(job_ids)).values(has_ticket=has_ticket),
+                execution_options={"synchronize_session": False},
+            )
+
+    def live_workers(self, within_ms: int) -> set[str]:
+        """Names of the workers that were alive so recently."""
+        query = select(WorkerRow.id).where(WorkerRow.heartbeat_ms >= self._clock_ms() - within_ms)
+        with self._session() as session:
+            return set(session.scalars(query))
 
     def worker_beat(self, worker: str) -> None:
         """Note that the worker is alive."""

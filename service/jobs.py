@@ -47,6 +47,7 @@ class JobRow(Base):
     __table_args__ = (
         Index("jobs_by_status", "status", "id"),
         Index("jobs_by_turn", "status", "turn"),
+        Index("jobs_by_ticket", "has_ticket", "status", "turn"),
         Index("jobs_by_tenant_turn", "tenant", "status", "turn"),
         Index("jobs_by_label", "label", "id"),
         Index("jobs_by_tenant", "tenant", "id"),
@@ -64,6 +65,7 @@ class JobRow(Base):
     options: Mapped[dict[str, Any]] = mapped_column(JSON)  # schemas.Options
     attempt: Mapped[int] = mapped_column(default=0)
     turn: Mapped[int] = mapped_column(default=0)  # place in the queue, the least first; see JobStore
+    has_ticket: Mapped[bool] = mapped_column(default=False)  # of the queue; see TicketDesk
     crashes: Mapped[int] = mapped_column(default=0)  # attempts that ended with the worker's death
     worker: Mapped[str | None] = mapped_column(String(100))
     heartbeat_ms: Mapped[int | None] = mapped_column(BigInteger)

@@ -1,4 +1,4 @@
-"""Finds the jobs that fell between the chairs: stored but never queued, or running on a worker that is dead."""
+"""Finds the jobs that fell between the chairs: waiting without a ticket, or running on a worker that is dead."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from service.job_store import JobStore
 from service.jobs import MAX_CRASHES, JobRow, now_ms
 from service.schemas import Status
 
-UNQUEUED_AFTER_MS = 3_000  # the API queues a job within milliseconds of storing it
+LOST_AFTER_MS = 3_000  # the desk gives a job its ticket within milliseconds
 DEAD_AFTER_MS = 15_000  # a running job's heartbeat comes every 0.2 s; other machines' clocks may be some seconds off
 log = structlog.get_logger()
 
@@ -32,13 +32,14 @@ class Reaper:
         for job_id in self._jobs.orphans(silent_since_ms=since_ms):
             if (row := self._hand_on(job_id, lambda row: (row.heartbeat_ms or 0) < since_ms)) is not None:
                 self._queue.requeue(row.id, row.turn)
-        waiting = self._jobs.waiting_since(now_ms() - UNQUEUED_AFTER_MS)
+        waiting = self._jobs.waiting_since(now_ms() - LOST_AFTER_MS)
         if not waiting:
             return
-        tickets = self._queue.tickets()
+        tickets, alive = self._queue.tickets(), self._jobs.live_workers(DEAD_AFTER_MS)
         for job_id, turn in waiting.items():
-            if job_id not in tickets:
-                log.warning("job had no ticket", job_id=job_id)
+            holder = tickets.get(job_id, "nobody")
+            if holder is not None and holder not in alive:
+                log.warning("job had no ticket that anybody would take", job_id=job_id, holder=holder)
                 self._queue.requeue(job_id, turn)
 
     def _hand_on(self, job_id: str, is_lost: Callable[[JobRow], bool]) -> JobRow | None:

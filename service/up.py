@@ -25,6 +25,8 @@ STOP_TIMEOUT_S = 8.0
 LOOK_INTERVAL_S = 0.1
 SHORT_LIFE_S = 10.0  # a process that ends sooner than this did not get anywhere
 MAX_SHORT_LIVES = 3
+#: Of the API: glibc gives each thread a heap of its own and keeps what was freed. Not of the worker, whose jobs compute.
+SMALL_HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_TRIM_THRESHOLD_": "131072"}
 log = structlog.get_logger()
 
 
@@ -137,8 +139,8 @@ def _keep_alive(parts: list[Part], start: Callable[[str], "subprocess.Popen[byte
 def _start(settings: ServiceSettings, name: str) -> "subprocess.Popen[bytes]":
     # A group of its own: Ctrl-C reaches this parent only, which then stops the parts in order.
     return subprocess.Popen(  # noqa: S603 (our own module)
-        [sys.executable, "-m", "service.cli", name, "--parent", str(os.getpid())],
-        env={**os.environ, **settings.environment()},
+        [sys.executable, "-m", "service.part", name, "--parent", str(os.getpid())],
+        env={**(SMALL_HEAP if name == "api" else {}), **os.environ, **settings.environment()},
         process_group=0,
     )
 

@@ -71,6 +71,7 @@ class Worker:
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
+        self.handed_back: list[JobRow] = []
         self.broken: SandboxError | None = None  # set once no job can run any more: end this process
 
     def run(self, job_id: str) -> None:
@@ -105,8 +106,8 @@ class Worker:
             self._patiently(lambda: self._conclude(row, folder, outcome))
         except SandboxError as error:
             self.broken = error
-            self._jobs.hand_back(row.id, row.attempt)
             self._stopping.set()
+            self._hand_back(row)
         except Exception:
             instance = f"urn:uuid:{uuid.uuid4()}"
             log.exception("worker failed", instance=instance)
@@ -115,6 +116,12 @@ class Worker:
             self._patiently(lambda: self._jobs.fail(row.id, row.attempt, problem))
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+    def _hand_back(self, row: JobRow) -> bool:
+        done = self._jobs.hand_back(row.id, row.attempt)
+        if done:
+            self.handed_back.append(row)
+        return done
 
     def _patiently(self, act: Callable[[], object]) -> None:
         """Again and again while the database is away: a restart of it must not cost what was computed."""
@@ -220,7 +227,7 @@ class Worker:
             "peak_mib": outcome.peak_mib and round(outcome.peak_mib),
         }
         if outcome.kind == "unwanted":
-            handed_back = self._stopping.is_set() and self._jobs.hand_back(row.id, row.attempt)
+            handed_back = self._stopping.is_set() and self._hand_back(row)
             log.info("job handed back" if handed_back else "job dismissed", **facts)
         elif outcome.kind == "failed" and outcome.problem is not None:
             self._jobs.fail(row.id, row.attempt, outcome.problem)

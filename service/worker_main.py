@@ -22,6 +22,7 @@ from service.sandbox import Limits, Sandbox, SandboxError
 from service.sender import Sender
 from service.settings import ServiceSettings
 from service.store import open_database
+from service.tickets import TicketDesk
 from service.webhooks import Deliveries
 from service.worker import Worker
 
@@ -55,9 +56,12 @@ def run_worker(settings: ServiceSettings) -> int:
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
     worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics)
-    reaper = Reaper(jobs, DbosQueue(settings.queue))
+    queue = DbosQueue(settings.queue)
+    reaper = Reaper(jobs, queue)
     reaper.at_start(settings.worker_id)
-    DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run).start()
+    runner = DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run)
+    runner.start()
+    threading.Thread(target=TicketDesk(jobs, queue).run, args=(stop,), daemon=True).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
@@ -65,6 +69,9 @@ def run_worker(settings: ServiceSettings) -> int:
     _tend(settings.worker_id, jobs, (reaper, retention), worker, stop)
     in_time = worker.stop(STOP_TIMEOUT_S)
     sandbox.stop()
+    runner.stop()  # before the tickets: it would take them again
+    for row in worker.handed_back:
+        queue.requeue(row.id, row.turn)  # for whichever worker is there
     jobs.worker_gone(settings.worker_id)
     log.info("worker stops", handed_back=in_time)
     if worker.broken is not None:

@@ -175,9 +175,7 @@ def dismiss(job_id: str, api: UseApi, caller: Writes) -> None:
     if row.status.is_final:
         if api.jobs.remove(job_id):
             api.blobs.remove_results(job_id)
-    elif api.jobs.dismiss(job_id, row.status):
-        api.queue.drop(job_id)
-    else:
+    elif not api.jobs.dismiss(job_id, row.status):
         dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
 
 

@@ -5,7 +5,7 @@ import shutil
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +25,7 @@ from service.metrics import Metrics
 from service.sandbox import Outcome
 from service.settings import ServiceSettings
 from service.store import migrate, open_database
+from service.tickets import TicketDesk
 from service.worker import Worker
 from tests.storage import Postgres
 
@@ -37,24 +38,20 @@ class NotingQueue:
     """Stands in for DBOS."""
 
     waiting: list[str] = field(default_factory=list)
-    broken: bool = False
     turns: dict[str, int] = field(default_factory=dict)
 
     def enqueue(self, job_id: str, turn: int) -> None:
-        if self.broken:
-            raise ConnectionError("the queue is away")
         if job_id not in self.waiting:
             self.waiting.append(job_id)
         self.turns[job_id] = turn
 
     requeue = enqueue
 
-    def drop(self, job_id: str) -> None:
-        if job_id in self.waiting:
-            self.waiting.remove(job_id)
+    def drop(self, job_ids: Sequence[str]) -> None:
+        self.waiting = [each for each in self.waiting if each not in job_ids]
 
-    def tickets(self) -> set[str]:
-        return set(self.waiting)
+    def tickets(self) -> dict[str, str | None]:
+        return dict.fromkeys(self.waiting)
 
 
 class ScriptedSandbox:
@@ -89,6 +86,12 @@ class Service:
     sandbox: ScriptedSandbox
     worker: Worker
     settings: ServiceSettings
+
+    @property
+    def waiting(self) -> list[str]:
+        """Jobs with a ticket, once the desk has seen to it."""
+        TicketDesk(self.jobs, self.queue).serve()
+        return self.queue.waiting
 
     def submit(self, options: str = "{}", **files: Any) -> httpx.Response:
         given = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ), **files}
@@ -181,7 +184,7 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
     )
     designs, metrics = DesignCache(blobs.store, settings.design_cache_mib), Metrics(engine, settings.data_dir)
     worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
-    with serving(create_app(settings, queue)) as address, httpx.Client(base_url=address, timeout=30) as http:
+    with serving(create_app(settings)) as address, httpx.Client(base_url=address, timeout=30) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()
 

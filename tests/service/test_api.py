@@ -32,7 +32,7 @@ def test_a_form_starts_a_job(service: Service) -> None:
     assert answer.headers["location"] == f"/v1/jobs/{job['id']}" == job["links"]["self"]
     assert answer.headers["retry-after"] == "1"
     assert (job["status"], job["label"], job["attempt"], job["stage"]) == ("accepted", "part 7", 0, None)
-    assert service.queue.waiting == [job["id"]]
+    assert service.waiting == [job["id"]]
 
 
 def test_blobs_are_sent_once_and_used_by_json(service: Service) -> None:
@@ -80,7 +80,7 @@ def test_options_may_come_as_a_file(service: Service) -> None:
 )
 def test_a_wrong_option_is_named(service: Service, options: str, code: str, words: str) -> None:
     assert_problem(service.submit(options), 422, code, words)
-    assert service.queue.waiting == []
+    assert service.waiting == []
 
 
 def test_options_that_are_not_json_are_a_bad_request(service: Service) -> None:
@@ -131,11 +131,6 @@ def test_a_full_queue_says_when_to_come_back(service: Service) -> None:
     answer = service.submit()
     assert_problem(answer, 503, "queue_full")
     assert int(answer.headers["retry-after"]) > 0
-
-
-def test_a_job_is_safe_when_the_queue_is_away(service: Service) -> None:
-    service.queue.broken = True
-    assert service.status(service.submitted())["status"] == "accepted"
 
 
 # --- watching
@@ -221,7 +216,7 @@ def test_results_of_a_failed_job_are_its_problem(service: Service) -> None:
 def test_a_queued_job_is_dropped(service: Service) -> None:
     job_id = service.submitted()
     assert service.http.delete(f"/v1/jobs/{job_id}").status_code == 204
-    assert service.queue.waiting == []
+    assert service.waiting == []
     assert service.status(job_id)["status"] == "dismissed"
     assert_problem(service.http.get(f"/v1/jobs/{job_id}/results"), 409, "job_dismissed")
     service.worker.run(job_id)  # a ticket that was out already is void

@@ -24,7 +24,7 @@ def test_the_same_request_is_the_same_job(service: Service) -> None:
     assert first.status_code == again.status_code == 202
     assert first.json()["id"] == again.json()["id"]
     assert again.headers["Location"] == first.headers["Location"]
-    assert service.queue.waiting == [first.json()["id"]]
+    assert service.waiting == [first.json()["id"]]
     service.worker.run(first.json()["id"])
     assert post(service, "order-7").json()["status"] == "successful"
 
@@ -44,7 +44,7 @@ def test_another_request_under_the_key_is_refused(service: Service) -> None:
         assert (answer.status_code, answer.json()["code"]) == (422, "idempotency_mismatch")
         assert "order-7" in answer.json()["detail"]
     assert post(service, "order-8", '{"seed": 1}').json()["id"] != first
-    assert len(service.queue.waiting) == 2
+    assert len(service.waiting) == 2
 
 
 def test_of_requests_at_the_same_moment_one_starts_the_job(service: Service) -> None:
@@ -52,7 +52,7 @@ def test_of_requests_at_the_same_moment_one_starts_the_job(service: Service) -> 
         answers = list(pool.map(lambda _: post(service, "order-7"), range(16)))
     assert {answer.status_code for answer in answers} == {202}
     assert len({answer.json()["id"] for answer in answers}) == 1
-    assert len(service.queue.waiting) == 1
+    assert len(service.waiting) == 1
     assert len(service.http.get("/v1/jobs").json()["jobs"]) == 1
 
 
@@ -82,4 +82,4 @@ def test_keys_are_a_tenants_own(service: Service) -> None:
 def test_a_key_that_is_none_is_refused(service: Service, key: str) -> None:
     answer = post(service, key)
     assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
-    assert service.queue.waiting == []
+    assert service.waiting == []

@@ -52,7 +52,7 @@ def test_the_client_sends_every_type(service: Service, kind: Any, tmp_path: Path
 
 def test_a_registration_is_what_a_job_without_a_type_is(service: Service) -> None:
     assert service.submit().json()["type"] == "registration"
-    service.worker.run(service.queue.waiting[0])
+    service.worker.run(service.waiting[0])
     assert service.sandbox.tasks[0]["type"] == "registration"
 
 
@@ -95,7 +95,7 @@ def test_a_part_of_another_type_is_named(service: Service, kind: str, parts: tup
     answer = service.http.post("/v1/jobs", json=body)
     assert_problem(answer, 422, "invalid_request", words)
     assert answer.json()["errors"][0]["pointer"] == "/" + words.split(":")[0]
-    assert service.queue.waiting == []
+    assert service.waiting == []
 
 
 def test_a_mesh_without_a_type_is_told_which_types_take_it(service: Service) -> None:
@@ -137,7 +137,7 @@ def test_a_wrong_option_is_named(service: Service, kind: str, options: dict[str,
     answer = service.http.post("/v1/jobs", json=body)
     assert_problem(answer, 422, "invalid_options", words)
     assert answer.json()["errors"][0]["pointer"].startswith("/" + words.split(":")[0].replace(".", "/"))
-    assert service.queue.waiting == []
+    assert service.waiting == []
 
 
 @pytest.mark.parametrize("kind", ["registration", *ONE_MESH])

@@ -85,7 +85,7 @@ def test_a_revoked_key_is_refused_and_does_not_open_the_service(service: Service
 )
 def test_every_address_but_the_probes_needs_a_key(service: Service, keys: KeyStore, header: dict[str, str]) -> None:
     keys.create("acme", BOTH)
-    paths = create_app(service.settings, service.queue).openapi()["paths"]
+    paths = create_app(service.settings).openapi()["paths"]
     asked = 0
     for path, operations in paths.items():
         for method in operations:

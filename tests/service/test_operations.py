@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from service.app import create_app
 from service.cli import app as cli
 from service.settings import ServiceSettings
-from tests.service.conftest import NotingQueue, Service, serving
+from tests.service.conftest import Service, serving
 
 
 def test_a_request_has_an_id_in_the_answer_and_in_every_line_of_the_log(
@@ -47,7 +47,7 @@ def test_an_id_that_would_spoil_the_log_is_replaced(service: Service, given: str
 @pytest.fixture
 def limited(settings: ServiceSettings) -> Iterator[str]:
     few = settings.model_copy(update={"rate_limit_per_s": 5})
-    with serving(create_app(few, NotingQueue())) as address:
+    with serving(create_app(few)) as address:
         yield address
 
 

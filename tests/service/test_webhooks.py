@@ -266,7 +266,7 @@ def test_an_address_that_must_not_be_reached_is_refused_at_once(service: Service
     answer = service.submit(json.dumps({"webhook": {"url": url}}))
     assert answer.status_code == 422
     assert (answer.json()["code"], answer.json()["errors"][0]["pointer"]) == ("invalid_options", "/options/webhook/url")
-    assert service.queue.waiting == []
+    assert service.waiting == []
 
 
 def test_loopback_is_refused_unless_it_is_allowed() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from service.jobs import MAX_CRASHES, now_ms
-from service.reaper import DEAD_AFTER_MS, UNQUEUED_AFTER_MS, Reaper
+from service.reaper import DEAD_AFTER_MS, LOST_AFTER_MS, Reaper
 from service.sandbox import Outcome, SandboxError
 from service.schemas import Status
 from tests.service.conftest import TRIANGLE_OBJ, Service
@@ -103,20 +103,44 @@ def age(service: Service, monkeypatch: pytest.MonkeyPatch, ms: int) -> None:
     monkeypatch.setattr("service.reaper.now_ms", lambda: now_ms() + ms)
 
 
-def test_a_job_that_was_never_queued_is_queued(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    service.queue.broken = True
+def test_a_job_whose_ticket_was_lost_gets_another(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     job_id = service.submitted()
-    service.queue.broken = False
+    assert service.waiting == [job_id]
+    service.queue.waiting.clear()
     reaper = Reaper(service.jobs, service.queue)
     reaper.sweep()
-    assert service.queue.waiting == []  # its API may be about to
-    age(service, monkeypatch, UNQUEUED_AFTER_MS + 1000)
+    assert service.waiting == []
+    age(service, monkeypatch, LOST_AFTER_MS + 1000)
     reaper.sweep()
-    assert service.queue.waiting == [job_id]
+    assert service.waiting == [job_id]
+
+
+def test_a_ticket_that_a_gone_worker_holds_is_made_anew(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was handed back, and its worker does not come again."""
+    held, waits = service.submitted(), service.submitted()
+    assert service.waiting == [held, waits]
+    made: list[str] = []
+    monkeypatch.setattr(service.queue, "tickets", lambda: {held: "worker-7", waits: None})
+    monkeypatch.setattr(service.queue, "requeue", lambda job_id, turn: made.append(job_id))
+    age(service, monkeypatch, LOST_AFTER_MS + 1000)
+    service.jobs.worker_beat("worker-7")
+    Reaper(service.jobs, service.queue).sweep()
+    assert made == []
+    service.jobs.worker_gone("worker-7")
+    Reaper(service.jobs, service.queue).sweep()
+    assert made == [held]
+
+
+def test_a_dismissed_jobs_ticket_is_taken_back(service: Service) -> None:
+    ids = [service.submitted() for _ in range(3)]
+    assert service.waiting == ids
+    service.http.delete(f"/v1/jobs/{ids[1]}")
+    assert service.waiting == [ids[0], ids[2]]
 
 
 def test_a_silent_workers_job_is_handed_on(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     job_id = service.submitted()
+    assert service.waiting == [job_id]
     service.queue.waiting.clear()
     service.jobs.claim(job_id, "worker-2")
     reaper = Reaper(service.jobs, service.queue)
@@ -125,7 +149,7 @@ def test_a_silent_workers_job_is_handed_on(service: Service, monkeypatch: pytest
     age(service, monkeypatch, DEAD_AFTER_MS + 1000)
     reaper.sweep()
     assert service.status(job_id)["status"] == "accepted"
-    assert service.queue.waiting == [job_id]
+    assert service.waiting == [job_id]
 
 
 def test_a_job_that_takes_workers_along_is_given_up(service: Service) -> None:
