@@ -62,6 +62,13 @@ class NotFinite(PipelineError):
     default_remedy = "remove the NaN or infinite vertices in the program the file came from"
 
 
+class CoordinateOutOfRange(PipelineError):
+    code = "coordinate_out_of_range"
+    default_remedy = (
+        "remove stray vertices in the program the file came from, or say which unit it is in (options.units)"
+    )
+
+
 class IndexOutOfRange(PipelineError):
     code = "index_out_of_range"
     default_remedy = "the file is damaged or was written wrongly: export it again"

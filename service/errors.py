@@ -178,6 +178,7 @@ TABLE: dict[type[Exception], Row] = {
     mesh.UnreadableFile: Row(422, "The file cannot be read"),
     mesh.MeshTooLarge: Row(413, "The mesh is too large"),
     mesh.NotFinite: Row(422, "The mesh has coordinates that are no numbers"),
+    mesh.CoordinateOutOfRange: Row(422, "The mesh has coordinates that no part has"),
     mesh.IndexOutOfRange: Row(422, "The mesh refers to vertices it does not have"),
     mesh.NoSurface: Row(422, "The mesh has no triangles"),
     mesh.UnitUnknown: Row(422, "The unit is not known"),

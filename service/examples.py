@@ -86,6 +86,9 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.UnreadableFile("line 812 of the OBJ file has a vertex with two numbers", mesh="scan"),
     mesh.MeshTooLarge("7340032 triangles, 5000000 are allowed", mesh="scan"),
     mesh.NotFinite("3 of 5120 vertices are not finite", mesh="scan"),
+    mesh.CoordinateOutOfRange(
+        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm", mesh="scan"
+    ),
     mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
     mesh.NoSurface("the file has points but no triangles", mesh="design"),
     mesh.UnitUnknown("the 3MF file declares the unit 'league'", mesh="design"),

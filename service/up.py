@@ -126,7 +126,8 @@ def _keep_alive(parts: list[Part], start: Callable[[str], "subprocess.Popen[byte
             if code is None:
                 continue
             lived_s = time.monotonic() - part.started_at
-            part.short_lives = part.short_lives + 1 if lived_s < SHORT_LIFE_S else 0
+            # One that is killed (code < 0) did not refuse to run: it is started again however often that happens.
+            part.short_lives = part.short_lives + (code > 0) if lived_s < SHORT_LIFE_S else 0
             # An API that cannot bind its port ends with the same code: uvicorn's for "did not start".
             if code == EXIT_BROKEN or part.short_lives >= MAX_SHORT_LIVES:
                 log.error("a part cannot run; see its messages above", part=part.name, exit_code=code)

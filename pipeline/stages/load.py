@@ -19,6 +19,7 @@ import trimesh
 
 from pipeline.door import MeshFile
 from pipeline.errors import (
+    CoordinateOutOfRange,
     IndexOutOfRange,
     MeshTooLarge,
     NoSurface,
@@ -32,6 +33,7 @@ from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+MAX_COORDINATE_MM = 1e8
 
 # What 3MF files may declare (core specification, section 3.4) in trimesh's spelling, and glTF's metre.
 _DECLARED = {
@@ -61,7 +63,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
 
     Raises
     ------
-    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, IndexOutOfRange,
+    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange, IndexOutOfRange,
     NoSurface (points where `needs_surface`), UnitUnknown
     """
     data = _read(source.path, name)
@@ -76,11 +78,24 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
             )
         unit, mm_per_unit = _unit(source.unit, declared)
         mesh = Mesh(vertices * mm_per_unit, faces.astype(np.int32))
+        _check_coordinates(mesh)
     except PipelineError as error:
         raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
     if mesh.is_cloud and needs_surface:
         raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
     return Loaded(mesh, kind, unit, mm_per_unit, hashlib.sha256(data).hexdigest())
+
+
+def _check_coordinates(mesh: Mesh) -> None:
+    """A vertex 100 km away is a damaged number. Ray casting and Poisson work in single precision, and what is farther
+    squares beyond it."""
+    far = np.flatnonzero(np.abs(mesh.vertices).max(axis=1, initial=0.0) > MAX_COORDINATE_MM)
+    if far.size:
+        place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])
+        raise CoordinateOutOfRange(
+            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm from the origin, the first "
+            f"at ({place}) mm"
+        )
 
 
 def _read(path: Path, name: str) -> bytes:

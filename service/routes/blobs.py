@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from service.api import UseApi
+from service.errors import NotFound
 from service.identity import Reads, Writes
 from service.intake import accept_blob
 from service.problems import problems
@@ -36,5 +37,5 @@ def head_blob(blob_id: str, api: UseApi, caller: Reads) -> Response:
     """Ask whether a blob is stored, before sending it."""
     row = api.jobs.blob(blob_id, caller.tenant)
     if row is None or not api.blobs.has(blob_id):
-        return Response(status_code=404)
+        raise NotFound(f"no blob {blob_id[:80]!r} is stored here; send it by PUT /v1/blobs")
     return Response(headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format})

@@ -1,0 +1,87 @@
+"""Requests made from the OpenAPI document, valid and not: no answer is a 5xx or one that the document does not name.
+
+`CUSP_TEST_NIGHTLY=1` makes twenty times as many.
+"""
+
+import os
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, settings
+from schemathesis.checks import CHECKS as ALL_CHECKS
+from schemathesis.checks import load_all_checks
+
+from service.app import create_app
+from service.job_store import JobStore
+from service.jobs import JobRow, new_id
+from service.schemas import Options
+from service.settings import ServiceSettings
+from service.store import migrate, open_database
+from tests.service.conftest import TRIANGLE_OBJ, serving
+
+EXAMPLES = 300 if os.environ.get("CUSP_TEST_NIGHTLY") else 15
+#: Two jobs that are there: one that waits, one that is successful without files.
+IDS = [new_id(), new_id()]
+load_all_checks()
+CHECKS = ALL_CHECKS.get_by_names(
+    ["not_a_server_error", "status_code_conformance", "content_type_conformance", "response_schema_conformance"]
+)
+
+document = create_app(ServiceSettings.model_construct()).openapi()
+schema = schemathesis.openapi.from_dict(document)
+schema.config.phases.coverage.enabled = False  # it cannot make the form: "Unsupported type: Binary"
+
+
+@schema.hook
+def map_path_parameters(_: Any, parameters: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Ids by chance are all unknown: two of three become ones that are there."""
+    if parameters and "job_id" in parameters:
+        choice = zlib.crc32(repr(sorted(parameters.items())).encode()) % 3
+        if choice < len(IDS):
+            parameters["job_id"] = IDS[choice]
+    return parameters
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    made = ServiceSettings(data_dir=tmp_path_factory.mktemp("contract") / "data", max_upload_mib=1, rate_limit_per_s=0)
+    made.make_folders()
+    migrate(made.database)
+    engine = open_database(made.database)
+    jobs = JobStore(engine)
+    jobs.worker_beat("worker-1")
+    options = Options().model_dump(mode="json")
+    for job_id in IDS:
+        blob = {"blob": f"sha256:{0:064}", "filename": None}
+        inputs = {"design": blob, "scan": blob}
+        jobs.add(JobRow(id=job_id, type="registration", inputs=inputs, options=options, attempt=0, crashes=0))
+    assert jobs.claim(IDS[1], "worker-1") is not None and jobs.succeed(IDS[1], 1, [])
+    # a probe of the service asks whether a worker lives: for as long as this takes, one does
+    jobs_later = JobStore(engine, lambda: 2**52)
+    jobs_later.worker_beat("worker-1")
+    with serving(create_app(made)) as served:
+        yield served
+    engine.dispose()
+
+
+@schema.parametrize()
+@settings(
+    max_examples=EXAMPLES,
+    deadline=None,
+    derandomize=not os.environ.get("CUSP_TEST_NIGHTLY"),
+    suppress_health_check=list(HealthCheck),
+)
+def test_no_answer_is_undocumented(case: Any, address: str) -> None:
+    case.call_and_validate(base_url=address, checks=CHECKS)
+
+
+def test_the_service_is_whole_after_all_that(address: str) -> None:
+    import httpx
+
+    with httpx.Client(base_url=address) as http:
+        assert http.get("/readyz").status_code == 200
+        files = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
+        assert http.post("/v1/jobs", files=files).status_code == 202
