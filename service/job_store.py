@@ -68,6 +68,8 @@ class JobStore:
 
     def find(self, job_id: str, tenant: str | None = None) -> JobRow | None:
         """The job, removed ones included; with `tenant` only when it is theirs."""
+        if "\0" in job_id:  # which PostgreSQL refuses to look for
+            return None
         with self._session() as session:
             row = session.get(JobRow, job_id)
         return row if row is None or tenant in (None, row.tenant) else None
@@ -242,6 +244,8 @@ class JobStore:
 
     def blob(self, blob_id: str, tenant: str = DEFAULT_TENANT) -> BlobRow | None:
         """The blob, if the tenant sent it."""
+        if "\0" in blob_id:
+            return None
         with self._session() as session:
             return session.get(BlobRow, (tenant, blob_id))
 

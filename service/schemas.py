@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_serializer
 from pipeline import LandmarksResult, RegistrationResult, Stage, StudyResult, StudySettings, Unit
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
+NO_NUL = r"^[^\x00]*$"  # PostgreSQL has no text with it
 JobType = Literal["registration", "landmarks", "study"]
 
 
@@ -89,7 +90,7 @@ class Options(Request):
         None, description="`study` only: what to do; each key that is sent goes over `settings.study`"
     )
     seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
-    label: str | None = Field(None, max_length=200, description="yours, for finding the job again")
+    label: str | None = Field(None, max_length=200, pattern=NO_NUL, description="yours, for finding the job again")
     webhook: Webhook | None = Field(None, description="whom to tell when the job is final")
 
     @field_serializer("study")

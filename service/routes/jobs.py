@@ -23,7 +23,7 @@ from service.job_body import JOB_BODY
 from service.jobs import JobRow
 from service.keys import Caller
 from service.problems import problems
-from service.schemas import DeliveryList, FileList, Job, JobPage, JobType, Results, Status
+from service.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobType, Results, Status
 from service.views import files_of, job_of
 from service.webhooks import delivery_list
 
@@ -67,9 +67,9 @@ def list_jobs(
     caller: Reads,
     status: Annotated[Status | None, Query(description="only these")] = None,
     type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
-    label: Annotated[str | None, Query(max_length=200, description="only these")] = None,
+    label: Annotated[str | None, Query(max_length=200, pattern=NO_NUL, description="only these")] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
-    cursor: Annotated[str | None, Query(max_length=36, description="`next` of the page before")] = None,
+    cursor: Annotated[str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")] = None,
 ) -> JobPage:
     """List jobs, newest first."""
     rows = api.jobs.page(

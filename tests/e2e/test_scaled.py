@@ -59,6 +59,17 @@ def test_a_killed_workers_job_is_finished_by_another_within_30_s(
     scaled.workers[number] = scaled.start("worker", f"worker-{number}")
 
 
+def test_a_stopped_workers_job_goes_to_another_at_once(scaled: ScaledService, design: Path, scan: Path) -> None:
+    job_id = scaled.client.submit(design, scan, SLOWER).id
+    victim = scaled.busy()
+    victim.terminate()
+    assert victim.wait(10) == 0
+    wait_until(lambda: scaled.client.job(job_id).attempt == 2, 10, "the other worker to take the job")
+    assert scaled.client.wait(job_id, timeout_s=90).status is Status.SUCCESSFUL
+    number = scaled.workers.index(victim)
+    scaled.workers[number] = scaled.start("worker", f"worker-{number}")
+
+
 def test_a_restart_of_the_database_costs_no_attempt(
     scaled: ScaledService, design: Path, scan: Path, postgres: Postgres
 ) -> None:

@@ -126,6 +126,7 @@ BAD: dict[str, tuple[bytes, str, type[pipeline.PipelineError], str]] = {
         errors.NotFinite,
         "1 of 4 vertices",
     ),
+    "stray point": (b"0 0 0\n1 1 2\n3 4 1e9\n", "a.xyz", errors.CoordinateOutOfRange, "1 of 3"),
     "NaN points": (b"0 0 0\nnan 1 2\n3 4 5\n", "a.xyz", errors.NotFinite, "1 of 3"),
     "index out of range (PLY)": (
         PLY_HEAD + PLY_POINTS + b"3 0 1 2\n3 0 2 9\n",
