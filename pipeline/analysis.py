@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import decision_graph
+from pipeline import decision_graph, palette
 from pipeline.door import MeshFile
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import IndexArray, Mesh
+from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.outcome import Centre, Landmark, Note, Segments
 from pipeline.progress import Stage
 from pipeline.settings import Settings
@@ -74,6 +74,10 @@ class Analysis:
     landmarks: LandmarkSet
     landmark_vertices: IndexArray
     warnings: tuple[Note, ...]
+
+    def segment_colours(self) -> FloatArray:
+        """(n, 3) of the vertices of `mesh`."""
+        return palette.of_vertices(self.segmentation.labels, self.segmentation.halo)[self.resampled.working_of_clean]
 
 
 def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool) -> tuple[Loaded, Cleaned]:

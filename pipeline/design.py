@@ -10,7 +10,7 @@ from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 
-from pipeline import archive, records
+from pipeline import archive, records, viewing
 from pipeline.analysis import Analysis, Scales, analyse, write_analysis
 from pipeline.door import MeshFile
 from pipeline.kernels.surface import Surface
@@ -74,7 +74,9 @@ class Design:
     def write(self, out: Path) -> list[str]:
         """Its files; returns their names."""
         if not self.kept.files:
-            names = write_analysis(out, "design", self.analysis, self._settings)
+            names = [*write_analysis(out, "design", self.analysis, self._settings), "design.glb"]
+            marks = self.analysis.mesh.vertices[self.analysis.landmark_vertices]
+            viewing.write_glb(out / "design.glb", self.analysis.mesh, self.analysis.segment_colours(), marks)
             self.kept = replace(self.kept, files={name: (out / name).read_bytes() for name in names})
         for name, content in self.kept.files.items():
             (out / name).write_bytes(content)

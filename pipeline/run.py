@@ -3,9 +3,11 @@
 geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -> landmark-seeded ICP -> deviation
 """
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
-from pipeline import decision_graph, doubts, palette, records
+from pipeline import decision_graph, doubts, job_files, palette, records
 from pipeline import watch as shares
 from pipeline.analysis import Scales, analyse, cut, cut_record, landmark_records, read, segments_record, write_analysis
 from pipeline.design import fingerprint, kept_design
@@ -30,6 +32,8 @@ from pipeline.stages.deviation import deviation
 from pipeline.stages.study import study
 from pipeline.verdict import POSED, Case, judge
 from pipeline.watch import Watch
+
+R = TypeVar("R", RegistrationResult, SegmentsResult, LandmarksResult, StudyResult)
 
 
 def run_registration(
@@ -79,6 +83,7 @@ def run_registration(
         scan=landmark_records(scan),
         matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if posed else [],
     )
+    aligned = scan.mesh.moved(T_design_scan) if posed else None
     files: list[str] = []
     if out is not None:
         with watch.stage(Stage.REPORT):
@@ -88,10 +93,10 @@ def run_registration(
                 report.write_landmarks(
                     out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
                 )
-                files.append("landmarks.csv")
-                if posed:
-                    report.write_mesh(out / "aligned.ply", scan.mesh.moved(T_design_scan))
-                    files.append("aligned.ply")
+                files += ["landmarks.csv", job_files.PAGE]
+                if aligned is not None:
+                    report.write_mesh(out / "aligned.ply", aligned)
+                    files += ["aligned.ply", *job_files.write_deviation(out, aligned, measured)]
             files.append("results.json")
 
     result = RegistrationResult(
@@ -124,8 +129,12 @@ def run_registration(
             *records.input_warnings(scan=clean_scan),
         ],
     )
-    if out is not None:
-        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    result = _written(
+        result,
+        out,
+        watch,
+        lambda out, done: job_files.write_registration_page(out, done, known, scan, aligned, measured),
+    )
     if design_cache is not None and is_new:
         known.keep(design_cache)
     return result
@@ -166,9 +175,7 @@ def run_segments(
         files=sorted(files),
         warnings=[*found.distances.warnings, *records.input_warnings(mesh=cleaned)],
     )
-    if out is not None:
-        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    return result
+    return _written(result, out, watch, None)
 
 
 def run_landmarks(
@@ -192,11 +199,9 @@ def run_landmarks(
             out.mkdir(parents=True, exist_ok=True)
             if settings.report.write_files:
                 files = write_analysis(out, "mesh", found, settings)
-                labels, halo = found.segmentation.labels, found.segmentation.halo
-                colours = palette.of_vertices(labels, halo)[found.resampled.working_of_clean]
-                report.write_mesh(out / "mesh.segments.ply", mesh, colours)
+                report.write_mesh(out / "mesh.segments.ply", mesh, found.segment_colours())
                 report.write_landmarks(out / "landmarks.csv", {"mesh": marked})
-                files += ["mesh.segments.ply", "landmarks.csv"]
+                files += ["mesh.segments.ply", "landmarks.csv", job_files.PAGE]
             files.append("results.json")
 
     result = LandmarksResult(
@@ -207,9 +212,7 @@ def run_landmarks(
         files=sorted(files),
         warnings=[*found.warnings, *records.landmark_warnings(mesh=marked), *records.input_warnings(mesh=cleaned)],
     )
-    if out is not None:
-        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    return result
+    return _written(result, out, watch, lambda out, done: job_files.write_landmarks_page(out, done, found))
 
 
 def run_study(
@@ -232,7 +235,7 @@ def run_study(
             out.mkdir(parents=True, exist_ok=True)
             if settings.report.write_files:
                 found.write(out)
-                files = ["trials.csv", "study.svg"]
+                files = ["trials.csv", "study.svg", job_files.PAGE]
             files.append("results.json")
 
     result = StudyResult(
@@ -245,6 +248,16 @@ def run_study(
         files=sorted(files),
         warnings=[*found.warnings, *records.input_warnings(mesh=cleaned)],
     )
-    if out is not None:
-        (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return _written(result, out, watch, job_files.write_study_page)
+
+
+def _written(result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], None] | None) -> R:
+    """The report, then results.json, with the report's own time in it."""
+    if out is None:
+        return result
+    if write_page is not None and job_files.PAGE in result.files:
+        with watch.stage(Stage.REPORT):
+            write_page(out, result)
+        result = result.model_copy(update={"timings_s": watch.timings_s()})
+    (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
     return result

@@ -1,0 +1,138 @@
+"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded by numpy."""
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+
+from pipeline.kernels.nearest import nearest
+from pipeline.mesh import FloatArray, Mesh
+
+BACKGROUND = np.array([1.0, 1.0, 1.0])
+AMBIENT = 0.35
+MARGIN = 1.06
+OVERSAMPLE = 2  # rays a pixel, along each side
+POINT_PX = 3
+DOT_PX = 3.5  # radius of a mark
+DOT_COLOUR = np.array([0.08, 0.08, 0.08])
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """An orthographic look. rows of `axes` : right, up, and towards the eye, orthonormal"""
+
+    name: str
+    axes: FloatArray
+
+    @classmethod
+    def along(cls, name: str, towards_eye: FloatArray, up: FloatArray) -> "View":
+        z = towards_eye / np.linalg.norm(towards_eye)
+        x = np.cross(up, z)
+        x = x / np.linalg.norm(x)
+        return cls(name, np.stack([x, np.cross(z, x), z]))
+
+
+def four_views(mesh: Mesh) -> list[View]:
+    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the file's."""
+    weights = mesh.weights()
+    centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
+    _, axes = np.linalg.eigh((centred * weights[:, None]).T @ centred)
+    flat, middle, long = axes.T  # ascending
+    flat, middle = (axis * np.sign(axis[np.abs(axis).argmax()]) for axis in (flat, middle))
+    long = np.cross(middle, flat)
+    return [
+        View.along("from above", flat, middle),
+        View.along("from below", -flat, middle),
+        View.along("oblique, front", 0.55 * flat - 0.8 * middle + 0.3 * long, flat),
+        View.along("oblique, back", 0.55 * flat + 0.8 * middle - 0.3 * long, flat),
+    ]
+
+
+def picture(
+    mesh: Mesh,
+    colours: FloatArray,
+    view: View,
+    frame: FloatArray,
+    width: int,
+    height: int,
+    *,
+    marks_mm: FloatArray | None = None,
+) -> bytes:
+    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture; marks_mm : (m, 3)
+    points on the surface, dots where they are not hidden"""
+    seen = frame @ view.axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    centre = (low + high) / 2
+    mm_per_px = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height, 1e-9)
+    if mesh.is_cloud:
+        image = _splatted(mesh.vertices @ view.axes.T, colours, centre, mm_per_px, width, height)
+    else:
+        image = _traced(mesh, colours, view, centre, high[2] + 1.0, mm_per_px, width, height, marks_mm)
+    return png(image)
+
+
+def png(image: FloatArray) -> bytes:
+    """image : (h, w, 3) in [0, 1]"""
+    from PIL import Image  # with matplotlib, when a picture is drawn
+
+    stream = io.BytesIO()
+    Image.fromarray(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)).save(stream, "PNG", optimize=False)
+    return stream.getvalue()
+
+
+def _traced(
+    mesh: Mesh,
+    colours: FloatArray,
+    view: View,
+    centre: FloatArray,
+    near: float,
+    mm_per_px: float,
+    width: int,
+    height: int,
+    marks_mm: FloatArray | None,
+) -> FloatArray:
+    w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
+    x = centre[0] + (np.arange(w) - (w - 1) / 2) * step
+    y = centre[1] - (np.arange(h) - (h - 1) / 2) * step
+    grid = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2)
+    origins = np.column_stack([grid, np.full(len(grid), near)]) @ view.axes
+    rays = np.empty((len(grid), 6), dtype=np.float32)
+    rays[:, :3], rays[:, 3:] = origins, -view.axes[2]
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(
+        o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
+    )
+    hit = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)
+    distance = hit["t_hit"].numpy()
+    found = np.flatnonzero(np.isfinite(distance))
+    face, uv = hit["primitive_ids"].numpy()[found], hit["primitive_uvs"].numpy()[found]
+    normal = hit["primitive_normals"].numpy()[found].astype(np.float64)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    weights = np.column_stack([1 - uv.sum(axis=1), uv])
+    colour = (colours[mesh.faces[face]] * weights[:, :, None]).sum(axis=1)
+    lit = AMBIENT + (1 - AMBIENT) * np.abs(normal @ view.axes[2])[:, None]
+    image = np.tile(BACKGROUND, (len(grid), 1))
+    image[found] = colour * lit
+    if marks_mm is not None and len(marks_mm):
+        # The surface point under each ray is a dot where a mark is near it: hidden marks stay hidden.
+        points = origins[found] - distance[found, None] * view.axes[2]
+        away, _ = nearest(marks_mm, points)
+        image[found[away < DOT_PX * mm_per_px]] = DOT_COLOUR
+    return np.asarray(image.reshape(height, OVERSAMPLE, width, OVERSAMPLE, 3).mean(axis=(1, 3)), dtype=np.float64)
+
+
+def _splatted(
+    seen: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
+) -> FloatArray:
+    image = np.tile(BACKGROUND, (height, width, 1))
+    order = np.argsort(seen[:, 2], kind="stable")  # the nearest are painted last
+    column = np.rint((seen[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
+    row = np.rint((centre[1] - seen[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+    half = POINT_PX // 2
+    for down in range(-half, half + 1):
+        for across in range(-half, half + 1):
+            r, c = row + down, column + across
+            inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+            image[r[inside], c[inside]] = colours[order][inside]
+    return image

@@ -1,0 +1,53 @@
+"""glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the vertices."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.kernels import remesh
+from pipeline.kernels.nearest import nearest
+from pipeline.mesh import FloatArray, IntArray, Mesh
+
+MAX_FACES = 200_000
+M_PER_MM = 1e-3
+BALL_SHARE = 0.006  # radius of a landmark's ball, of the diagonal
+BALL_COLOUR = (25, 25, 25)
+
+
+def lighter(mesh: Mesh, colours: FloatArray) -> tuple[Mesh, FloatArray]:
+    """At most about `MAX_FACES` triangles of nearly the same surface, each vertex with the colour of the nearest one."""
+    if mesh.is_cloud or len(mesh.faces) <= MAX_FACES:
+        return mesh, colours
+    light = remesh.decimated(mesh, MAX_FACES // 2)
+    return light, colours[nearest(mesh.vertices, light.vertices)[1]]
+
+
+def write_glb(path: Path, mesh: Mesh, colours: FloatArray, marks_mm: FloatArray | None = None) -> None:
+    """One node `surface`, and one `landmarks` of small balls where `marks_mm` is given."""
+    import trimesh
+
+    mesh, colours = lighter(mesh, colours)
+    painted = np.column_stack([np.rint(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
+    vertices = mesh.vertices * M_PER_MM
+    scene = trimesh.Scene()
+    if mesh.is_cloud:
+        scene.add_geometry(trimesh.PointCloud(vertices, colors=painted), node_name="surface", geom_name="surface")
+    else:
+        shape = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=painted, process=False)
+        scene.add_geometry(shape, node_name="surface", geom_name="surface")
+    if marks_mm is not None and len(marks_mm):
+        balls = _balls(marks_mm, BALL_SHARE * mesh.diagonal_mm)
+        scene.add_geometry(balls, node_name="landmarks", geom_name="landmarks")
+    path.write_bytes(scene.export(file_type="glb"))
+
+
+def _balls(centres_mm: FloatArray, radius_mm: float) -> Any:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=radius_mm)
+    vertices = (centres_mm[:, None, :] + ball.vertices[None]).reshape(-1, 3) * M_PER_MM
+    steps = np.arange(len(centres_mm))[:, None, None] * len(ball.vertices)
+    faces: IntArray = (ball.faces[None] + steps).reshape(-1, 3).astype(np.int32)
+    colours = np.tile(np.array([*BALL_COLOUR, 255], dtype=np.uint8), (len(vertices), 1))
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
