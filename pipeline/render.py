@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import open3d as o3d
+from scipy.spatial import cKDTree
 
-from pipeline.kernels.nearest import nearest
-from pipeline.mesh import FloatArray, Mesh
+from pipeline.mesh import FloatArray, IndexArray, Mesh
 
-BACKGROUND = np.array([1.0, 1.0, 1.0])
+BACKGROUND = 1.0
 AMBIENT = 0.35
 MARGIN = 1.06
 OVERSAMPLE = 2  # rays a pixel, along each side
@@ -93,39 +93,45 @@ def _traced(
     marks_mm: FloatArray | None,
 ) -> FloatArray:
     w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
-    x = centre[0] + (np.arange(w) - (w - 1) / 2) * step
-    y = centre[1] - (np.arange(h) - (h - 1) / 2) * step
-    grid = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2)
-    origins = np.column_stack([grid, np.full(len(grid), near)]) @ view.axes
-    rays = np.empty((len(grid), 6), dtype=np.float32)
-    rays[:, :3], rays[:, 3:] = origins, -view.axes[2]
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    x = (np.arange(w, dtype=np.float32) - (w - 1) / 2) * step + centre[0]
+    y = centre[1] - (np.arange(h, dtype=np.float32) - (h - 1) / 2) * step
+    axes = view.axes.astype(np.float32)
+    rays = np.empty((h, w, 6), dtype=np.float32)
+    rays[..., :3] = x[None, :, None] * axes[0] + y[:, None, None] * axes[1] + near * axes[2]
+    rays[..., 3:] = -axes[2]
+    scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(
         o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
     )
-    hit = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)
-    distance = hit["t_hit"].numpy()
+    hit = scene.cast_rays(o3d.core.Tensor(rays))  # each answer is its own: threads change none
+    distance = hit["t_hit"].numpy().ravel()
     found = np.flatnonzero(np.isfinite(distance))
-    face, uv = hit["primitive_ids"].numpy()[found], hit["primitive_uvs"].numpy()[found]
-    normal = hit["primitive_normals"].numpy()[found].astype(np.float64)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    weights = np.column_stack([1 - uv.sum(axis=1), uv])
-    colour = (colours[mesh.faces[face]] * weights[:, :, None]).sum(axis=1)
-    lit = AMBIENT + (1 - AMBIENT) * np.abs(normal @ view.axes[2])[:, None]
-    image = np.tile(BACKGROUND, (len(grid), 1))
-    image[found] = colour * lit
+    face, uv = hit["primitive_ids"].numpy().ravel()[found], hit["primitive_uvs"].numpy().reshape(-1, 2)[found]
+    normal = hit["primitive_normals"].numpy().reshape(-1, 3)[found]  # of unit length
+    corners, painted = mesh.faces[face], colours.astype(np.float32)
+    colour = painted[corners[:, 0]] * (1 - uv[:, :1] - uv[:, 1:])
+    colour += painted[corners[:, 1]] * uv[:, :1]
+    colour += painted[corners[:, 2]] * uv[:, 1:]
+    colour *= AMBIENT + (1 - AMBIENT) * np.abs(normal @ axes[2])[:, None]
     if marks_mm is not None and len(marks_mm):
-        # The surface point under each ray is a dot where a mark is near it: hidden marks stay hidden.
-        points = origins[found] - distance[found, None] * view.axes[2]
-        away, _ = nearest(marks_mm, points)
-        image[found[away < DOT_PX * mm_per_px]] = DOT_COLOUR
+        # The surface point under a ray is a dot where a mark is near it: hidden marks stay hidden.
+        points = rays.reshape(-1, 6)[found, :3] - distance[found, None] * axes[2]
+        colour[_near(points, marks_mm, DOT_PX * mm_per_px)] = DOT_COLOUR
+    image = np.full((h * w, 3), BACKGROUND, dtype=np.float32)
+    image[found] = colour
     return np.asarray(image.reshape(height, OVERSAMPLE, width, OVERSAMPLE, 3).mean(axis=(1, 3)), dtype=np.float64)
+
+
+def _near(points: FloatArray, marks_mm: FloatArray, radius_mm: float) -> IndexArray:
+    """Numbers of the points within the radius of a mark."""
+    balls = cKDTree(points).query_ball_point(marks_mm, radius_mm)
+    return np.unique(np.concatenate([np.asarray(ball, dtype=np.int64) for ball in balls]))
 
 
 def _splatted(
     seen: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
 ) -> FloatArray:
-    image = np.tile(BACKGROUND, (height, width, 1))
+    image = np.full((height, width, 3), BACKGROUND)
     order = np.argsort(seen[:, 2], kind="stable")  # the nearest are painted last
     column = np.rint((seen[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
     row = np.rint((centre[1] - seen[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)

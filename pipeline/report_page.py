@@ -21,7 +21,7 @@ from pipeline.outcome import (
 )
 from pipeline.render import four_views, picture
 
-PICTURE_PX = (640, 460)
+PICTURE_PX = (520, 380)
 LEGEND_STEPS = 60
 MEANING = {
     "ok": "The pose is found and no other explains the scan as well. The figures below are of this pose.",

@@ -43,9 +43,9 @@ def test_a_scan_is_registered_to_its_design(running: RunningService, design: Pat
 FILES = {
     "landmarks": {
         *("results.json", "landmarks.csv", "mesh.clean.ply", "mesh.vertices.csv", "mesh.segments.ply"),
-        "mesh.decision_graph.svg",
+        *("mesh.decision_graph.svg", "report.html"),
     },
-    "study": {"results.json", "trials.csv", "study.svg"},
+    "study": {"results.json", "trials.csv", "study.svg", "report.html"},
 }
 STUDY = {**QUICK, "study": {"trials": 20, "detectors": ["t2", "iss", "random"]}}
 

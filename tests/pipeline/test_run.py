@@ -104,7 +104,8 @@ def test_files_are_the_contract(registered: tuple[pipeline.RegistrationResult, P
     result, out = registered
     assert sorted(path.name for path in out.iterdir()) == result.files
     assert set(result.files) == {
-        *("results.json", "aligned.ply", "landmarks.csv"),
+        *("results.json", "aligned.ply", "landmarks.csv", "report.html"),
+        *("deviation.ply", "deviation.glb", "deviation_histogram.svg", "design.glb"),
         *("design.clean.ply", "design.vertices.csv", "design.decision_graph.svg"),
         *("scan.clean.ply", "scan.vertices.csv", "scan.decision_graph.svg"),
     }

@@ -57,7 +57,9 @@ def test_repeatability_of_the_blob(blob: Path, tmp_path: Path) -> None:
     assert first["t2"].chance == first["random"].chance < 0.15
     assert first["t2"].pose_right == 1.0
     assert (
-        sorted(path.name for path in tmp_path.iterdir()) == found.files == ["results.json", "study.svg", "trials.csv"]
+        sorted(path.name for path in tmp_path.iterdir())
+        == found.files
+        == ["report.html", "results.json", "study.svg", "trials.csv"]
     )
     with (tmp_path / "trials.csv").open() as stream:
         table = list(csv.DictReader(stream))
@@ -103,7 +105,7 @@ def test_informativeness_of_the_blob(blob: Path, tmp_path: Path) -> None:
     assert found.protocol.trials == 40 and shares == sorted(shares)
     again = pipeline.study(blob, trials=40, detectors=["t2", "random"], settings=QUICK, seed=4, out=tmp_path / "again")
     assert again.informativeness == found.informativeness
-    for name in ("trials.csv", "study.svg"):
+    for name in ("trials.csv", "study.svg", "report.html"):
         assert (tmp_path / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 

@@ -97,7 +97,11 @@ def test_study_writes_the_files_and_prints_a_row_a_detector(blob: Path, quick: P
     )
     assert "study: informativeness, 20 trials" in told
     result = StudyResult.model_validate_json((out / "results.json").read_text())
-    assert sorted(path.name for path in out.iterdir()) == result.files == ["results.json", "study.svg", "trials.csv"]
+    assert (
+        sorted(path.name for path in out.iterdir())
+        == result.files
+        == ["report.html", "results.json", "study.svg", "trials.csv"]
+    )
     assert result.protocol.kind == "informativeness"
     assert (result.protocol.noise_mm, result.protocol.rotation_deg, result.protocol.count) == (1.5, 10, 6)
     assert result.informativeness is not None

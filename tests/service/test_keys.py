@@ -124,6 +124,7 @@ def test_another_tenants_job_is_not_there(service: Service, keys: KeyStore) -> N
         assert own.get(f"/v1/jobs/{job_id}/files/aligned.ply").status_code == 200
         for method, path in (
             *(("GET", ""), ("GET", "/results"), ("GET", "/files"), ("GET", "/files/aligned.ply")),
+            *(("GET", "/deliveries"), ("GET", "/events")),
             *(("GET", "/files/results.json"), ("DELETE", "")),
         ):
             answer = other.request(method, f"/v1/jobs/{job_id}{path}")

@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 
 from service.jobs import MAX_CRASHES, now_ms
 from service.reaper import DEAD_AFTER_MS, LOST_AFTER_MS, Reaper
 from service.sandbox import Outcome, SandboxError
 from service.schemas import Status
+from service.store import open_database
 from tests.service.conftest import TRIANGLE_OBJ, Service
 
 pytestmark = pytest.mark.storages
@@ -150,6 +152,28 @@ def test_a_silent_workers_job_is_handed_on(service: Service, monkeypatch: pytest
     reaper.sweep()
     assert service.status(job_id)["status"] == "accepted"
     assert service.waiting == [job_id]
+
+
+def test_one_bad_row_hides_no_other_and_stops_no_start(service: Service) -> None:
+    """Damaged by hand, or of a later version: the others are handed on, and the start goes on."""
+    bad, good = service.submitted(), service.submitted()
+    for job_id in (bad, good):
+        assert service.jobs.claim(job_id, "worker-1") is not None
+    engine = open_database(service.settings.database)
+    with engine.begin() as connection:
+        damaged = '"no object"' if service.settings.is_embedded else "[1]"
+        connection.execute(text("UPDATE jobs SET inputs = :x WHERE id = :id"), {"x": damaged, "id": bad})
+        connection.execute(text("UPDATE jobs SET type = 'of_a_later_version' WHERE id = :id"), {"id": bad})
+        if service.settings.is_embedded:
+            connection.execute(text("UPDATE jobs SET options = '{' WHERE id = :id"), {"id": bad})
+    engine.dispose()
+    reaper = Reaper(service.jobs, service.queue)
+    reaper.at_start("worker-1")
+    reaper.sweep()
+    assert service.status(good)["status"] == "accepted"
+    service.worker.run(good)
+    service.worker.run(bad)
+    assert service.status(good)["status"] == "successful"
 
 
 def test_a_job_that_takes_workers_along_is_given_up(service: Service) -> None:

@@ -1,0 +1,57 @@
+"""Colours of the deviation: zero is neutral, signs are told apart, equal sizes look equally strong."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.colour_scale import BLUE, NOT_COUNTED, RED, ColourScale, round_up, table
+
+
+def lightness(rgb: np.ndarray) -> np.ndarray:
+    linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
+    y = linear @ [0.2126729, 0.7151522, 0.0721750]
+    return 116 * np.cbrt(y) - 16
+
+
+def test_the_map_is_morelands() -> None:
+    """Its ends are given, its middle is grey (221, 221, 221), and lightness rises to the middle and falls after it."""
+    found = table()
+    assert np.allclose(found[0] * 255, BLUE, atol=0.6) and np.allclose(found[-1] * 255, RED, atol=0.6)
+    assert np.allclose(found[128] * 255, 221, atol=1.0)
+    steps = np.diff(lightness(found))
+    assert (steps[:126] > -0.05).all() and (steps[130:] < 0.05).all()
+
+
+@given(st.floats(1e-6, 1e6))
+def test_limits_are_round_and_no_smaller(value: float) -> None:
+    found = round_up(value)
+    assert value * (1 - 1e-6) <= found <= 2 * value + 1e-6
+    digits = found / 10 ** np.floor(np.log10(found) + 1e-9)
+    assert min(abs(digits - each) for each in (1, 1.5, 2, 3, 5, 7.5, 10)) < 1e-6
+
+
+def test_within_the_tolerance_all_is_neutral_and_beyond_it_the_sign_shows() -> None:
+    scale = ColourScale(1.0, 0.2)
+    signed = np.array([-5.0, -1.0, -0.6, -0.2, 0.0, 0.2, 0.6, 1.0, 5.0])
+    colours = scale.colours(signed)
+    assert (colours[3:6] == table()[128]).all()
+    assert (colours[0] == colours[1]).all() and (colours[-1] == colours[-2]).all()
+    assert colours[2][2] > colours[2][0] and colours[6][0] > colours[6][2]  # blue is too little, red too much
+    uncounted = scale.colours(signed, np.zeros(9, dtype=bool))
+    assert (uncounted == NOT_COUNTED).all()
+
+
+@pytest.mark.parametrize("tolerance_mm", [None, 0.05, 0.5])
+def test_the_scale_takes_in_99_percent_and_twice_the_tolerance(tolerance_mm: float | None) -> None:
+    signed = np.random.default_rng(0).normal(0, 0.1, 10_000)
+    signed[0] = 50.0  # one stray vertex does not make all the others grey
+    scale = ColourScale.of(signed, np.ones(10_000, dtype=bool), tolerance_mm)
+    assert scale.limit_mm >= max(np.quantile(np.abs(signed), 0.99) * (1 - 1e-9), 2 * (tolerance_mm or 0))
+    assert scale.limit_mm < 2.5
+
+
+def test_a_scan_without_deviation_has_a_scale_too() -> None:
+    scale = ColourScale.of(np.zeros(5), np.ones(5, dtype=bool), None)
+    assert np.isfinite(scale.colours(np.zeros(5))).all() and scale.limit_mm > 0
+    assert ColourScale.of(np.zeros(5), np.zeros(5, dtype=bool), None).limit_mm > 0

@@ -1,0 +1,165 @@
+"""Files to look at: what they show is what results.json says, they need nothing else, and are the same each time."""
+
+import re
+from base64 import b64decode
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import pipeline
+from pipeline.colour_scale import ColourScale
+from pipeline.mesh import Mesh
+from pipeline.outcome import RegistrationResult
+from pipeline.viewing import MAX_FACES, write_glb
+from tests.service.meshes import blob_stl
+from tests.shapes import icosphere
+
+SMALL = {
+    "resample": {"target_vertices": 400},
+    "features": {"target_vertices": 600},
+    "matching": {"max_hypotheses": 8, "dense_pairs": False, "sample_points": 500},
+    "registration": {"sample_points": 1000},
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RegistrationResult]:
+    folder = tmp_path_factory.mktemp("job")
+    (folder / "d.stl").write_bytes(blob_stl())
+    (folder / "s.stl").write_bytes(blob_stl(23, 37, turn_deg=25.0, shift_mm=(4.0, -3.0, 2.0)))
+    settings = pipeline.Settings.model_validate(SMALL)
+    result = pipeline.register(
+        folder / "d.stl", folder / "s.stl", settings=settings, tolerance_mm=0.05, out=folder / "out"
+    )
+    return folder, result
+
+
+class Outline(HTMLParser):
+    """What a page is made of, and whether its tags close."""
+
+    VOID = frozenset({"meta", "img", "rect", "line", "br", "link", "input"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def outline(text: str) -> Outline:
+    parser = Outline()
+    parser.feed(text)
+    assert parser.open == []
+    return parser
+
+
+def test_every_file_that_is_listed_is_there_and_no_other(made: tuple[Path, RegistrationResult]) -> None:
+    folder, result = made
+    assert result.verdict.status == "ok"
+    assert sorted(path.name for path in (folder / "out").iterdir()) == result.files
+    assert {"deviation.ply", "deviation.glb", "design.glb", "deviation_histogram.svg", "report.html"} <= set(
+        result.files
+    )
+
+
+def test_the_page_is_whole_alone_and_says_what_the_results_say(made: tuple[Path, RegistrationResult]) -> None:
+    folder, result = made
+    text = (folder / "out" / "report.html").read_text()
+    page = outline(text)
+    assert not [tag for tag, _ in page.tags if tag in ("script", "link", "iframe")]
+    sources = [str(attributes["src"]) for tag, attributes in page.tags if tag == "img"]
+    assert len(sources) >= 8 and all(source.startswith("data:image/") for source in sources)
+    assert not re.search(r"(?:src|href)=\"(?!data:)", text) and "url(" not in text
+    assert all(attributes.get("alt") for tag, attributes in page.tags if tag == "img")
+    assert result.deviation is not None
+    for words in (
+        f"{result.deviation.rms_mm:.3f} mm",
+        f"{result.deviation.within:.1%}",
+        result.provenance.inputs.scan.sha256,
+    ):
+        assert words in text
+    assert b64decode(sources[0].partition(",")[2]).startswith(b"\x89PNG")
+
+
+def test_words_from_outside_stay_words(tmp_path: Path) -> None:
+    """A note with markup in it, as a file's own unit might bring in, is text on the page."""
+    from pipeline.report_page import _render
+
+    text = _render(title="<script>alert(1)</script>", subtitle="a & b", warnings=[("x", "<img src=x onerror=y>")])
+    assert "<script>" not in text and "&lt;script&gt;" in text and "<img src=x" not in text
+
+
+def test_the_coloured_scan_is_the_aligned_one_in_the_scales_colours(made: tuple[Path, RegistrationResult]) -> None:
+    folder, result = made
+    aligned = trimesh.load(folder / "out" / "aligned.ply", process=False)
+    coloured = trimesh.load(folder / "out" / "deviation.ply", process=False)
+    assert np.array_equal(aligned.vertices, coloured.vertices) and np.array_equal(aligned.faces, coloured.faces)
+    design = trimesh.load(folder / "out" / "design.clean.ply", process=False)
+    signed = -trimesh.proximity.signed_distance(design, aligned.vertices[:50])  # trimesh: + inside
+    scale = ColourScale(2.0, 0.05)
+    away = np.abs(signed) > 0.06
+    painted = coloured.visual.vertex_colors[:50, :3] / 255
+    is_red = painted[:, 0] > painted[:, 2] + 1e-9
+    assert np.array_equal(is_red[away], signed[away] > 0)
+    assert scale.limit_mm > 0
+    viewed = trimesh.load(folder / "out" / "deviation.glb", process=False).geometry["surface"]
+    assert np.allclose(viewed.vertices * 1000, aligned.vertices, atol=1e-3)  # glTF is in metres
+    shown = trimesh.load(folder / "out" / "design.glb")
+    assert set(shown.geometry) == {"surface", "landmarks"}
+    assert result.transform is not None
+
+
+def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
+    ball = icosphere(10.0, 7)
+    assert len(ball.faces) > MAX_FACES
+    height = (ball.vertices[:, 2] + 10) / 20
+    write_glb(tmp_path / "a.glb", ball, np.column_stack([height, height, height]))
+    seen = trimesh.load(tmp_path / "a.glb", process=False).geometry["surface"]
+    assert 10_000 < len(seen.faces) <= MAX_FACES
+    assert np.linalg.norm(seen.vertices, axis=1) * 1000 == pytest.approx(10, abs=0.05)
+    expected = (seen.vertices[:, 2] * 1000 + 10) / 20
+    assert np.abs(seen.visual.vertex_colors[:, 0] / 255 - expected).max() < 0.03
+
+
+def test_a_cloud_has_its_colours_too(tmp_path: Path) -> None:
+    cloud = Mesh(icosphere(5.0, 2).vertices, np.zeros((0, 3), dtype=np.int32))
+    write_glb(tmp_path / "a.glb", cloud, np.tile([1.0, 0, 0], (len(cloud.vertices), 1)))
+    seen = trimesh.load(tmp_path / "a.glb").geometry["surface"]
+    assert len(seen.vertices) == len(cloud.vertices) and (seen.colors[:, :3] == [255, 0, 0]).all()
+
+
+def test_a_scan_that_does_not_fit_has_a_page_without_deviation(tmp_path: Path) -> None:
+    (tmp_path / "d.stl").write_bytes(blob_stl())
+    trimesh.creation.cylinder(1.0, 60.0, sections=40).export(tmp_path / "s.stl")
+    settings = pipeline.Settings.model_validate(SMALL)
+    result = pipeline.register(tmp_path / "d.stl", tmp_path / "s.stl", settings=settings, out=tmp_path / "out")
+    assert result.transform is None and "deviation.ply" not in result.files
+    text = (tmp_path / "out" / "report.html").read_text()
+    outline(text)
+    assert "Deviation of the scan" not in text and result.verdict.status.replace("_", " ") in text
+
+
+def test_landmarks_and_studies_have_a_page(tmp_path: Path) -> None:
+    (tmp_path / "m.stl").write_bytes(blob_stl())
+    settings = pipeline.Settings.model_validate(SMALL)
+    marked = pipeline.find_landmarks(tmp_path / "m.stl", settings=settings, out=tmp_path / "landmarks")
+    text = (tmp_path / "landmarks" / "report.html").read_text()
+    outline(text)
+    assert f"{len(marked.landmarks.mesh)} landmarks" in text
+    done = pipeline.study(tmp_path / "m.stl", trials=20, detectors=["t2"], settings=settings, out=tmp_path / "study")
+    text = (tmp_path / "study" / "report.html").read_text()
+    outline(text)
+    assert done.summary[:40] in text.replace("&#39;", "'") and "report.html" in done.files
