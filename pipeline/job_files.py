@@ -25,7 +25,8 @@ def write_deviation(out: Path, aligned: Mesh, measured: Deviations) -> list[str]
     scale = _scale(measured)
     colours = scale.colours(measured.signed_mm, measured.counted)
     report.write_mesh(out / "deviation.ply", aligned, colours)
-    viewing.write_glb(out / "deviation.glb", aligned, colours)
+    counted_mm = np.where(measured.counted, measured.signed_mm, np.nan)
+    viewing.write_glb(out / "deviation.glb", aligned, colours, deviation_mm=counted_mm)
     weights = aligned.weights() * measured.counted
     deviation_histogram.write(out / "deviation_histogram.svg", measured.signed_mm, weights, measured.summary, scale)
     return list(OF_DEVIATION)

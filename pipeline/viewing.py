@@ -13,6 +13,7 @@ MAX_FACES = 200_000
 M_PER_MM = 1e-3
 BALL_SHARE = 0.006  # radius of a landmark's ball, of the diagonal
 BALL_COLOUR = (25, 25, 25)
+NOT_COUNTED = 1e31  # glTF has no NaN
 
 
 def lighter(mesh: Mesh, colours: FloatArray) -> tuple[Mesh, FloatArray]:
@@ -23,18 +24,31 @@ def lighter(mesh: Mesh, colours: FloatArray) -> tuple[Mesh, FloatArray]:
     return light, colours[nearest(mesh.vertices, light.vertices)[1]]
 
 
-def write_glb(path: Path, mesh: Mesh, colours: FloatArray, marks_mm: FloatArray | None = None) -> None:
-    """One node `surface`, and one `landmarks` of small balls where `marks_mm` is given."""
+def write_glb(
+    path: Path,
+    mesh: Mesh,
+    colours: FloatArray,
+    marks_mm: FloatArray | None = None,
+    deviation_mm: FloatArray | None = None,
+) -> None:
+    """One node `surface`, and one `landmarks` of small balls where `marks_mm` is given.
+
+    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`, `NOT_COUNTED` for NaN
+    """
     import trimesh
 
+    if deviation_mm is not None:
+        colours = np.column_stack([colours, np.nan_to_num(deviation_mm, nan=NOT_COUNTED)])
     mesh, colours = lighter(mesh, colours)
+    extra = {} if deviation_mm is None else {"_DEVIATION_MM": colours[:, 3].astype(np.float32)}
+    colours = colours[:, :3]
     painted = np.column_stack([np.rint(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
     vertices = mesh.vertices * M_PER_MM
     scene = trimesh.Scene()
     if mesh.is_cloud:
         scene.add_geometry(trimesh.PointCloud(vertices, colors=painted), node_name="surface", geom_name="surface")
     else:
-        shape = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=painted, process=False)
+        shape = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=painted, vertex_attributes=extra, process=False)
         scene.add_geometry(shape, node_name="surface", geom_name="surface")
     if marks_mm is not None and len(marks_mm):
         balls = _balls(marks_mm, BALL_SHARE * mesh.diagonal_mm)

@@ -18,7 +18,7 @@ from service.metrics import Metrics
 from service.openapi import describe
 from service.rates import Rates
 from service.requests import RequestLog
-from service.routes import blobs, jobs, service
+from service.routes import blobs, jobs, page, service
 from service.settings import MIB, ServiceSettings
 from service.store import open_database
 from service.webhooks import Deliveries
@@ -50,6 +50,8 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app.include_router(jobs.router)
     app.include_router(blobs.router)
     app.include_router(service.router)
+    app.include_router(page.router)
+    app.router.routes.append(page.assets)
     # errors
     problems.install(app)
     # middleware

@@ -3,7 +3,6 @@
 import shutil
 
 from fastapi import APIRouter, Response
-from fastapi.responses import RedirectResponse
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 
 from pipeline import Format
@@ -71,9 +70,3 @@ def limits(api: UseApi, _: Reads) -> Limits:
         job_types=list(JOB_TYPES),
         formats=[each.value for each in Format],
     )
-
-
-@router.get("/", include_in_schema=False)
-def root() -> RedirectResponse:
-    """Send a person to the documentation."""
-    return RedirectResponse("/docs")

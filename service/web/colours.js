@@ -1,0 +1,23 @@
+/** The colours of the deviation, the same as in every file of a job: Moreland's diverging map, neutral within the tolerance. */
+
+const STOPS = [[59, 76, 192], [77, 104, 215], [98, 130, 234], [119, 154, 247], [141, 176, 254], [163, 194, 255], [184, 208, 249], [204, 217, 238], [221, 221, 221], [236, 211, 197], [245, 196, 173], [247, 177, 148], [244, 154, 123], [236, 127, 99], [222, 96, 77], [203, 62, 56], [180, 4, 38]];
+export const NOT_COUNTED = [115, 115, 115];
+
+/** share in [-1, 1] -> [r, g, b] of 255 */
+export function at(share) {
+  const place = ((Math.min(1, Math.max(-1, share)) + 1) / 2) * (STOPS.length - 1);
+  const low = Math.min(Math.floor(place), STOPS.length - 2);
+  return STOPS[low].map((part, k) => part + (place - low) * (STOPS[low + 1][k] - part));
+}
+
+export function of(mm, limit, tolerance) {
+  const beyond = Math.sign(mm) * Math.max(Math.abs(mm) - tolerance, 0);
+  return at(beyond / Math.max(limit - tolerance, 1e-12));
+}
+
+/** The next of 1, 1.5, 2, 3, 5, 7.5 times a power of ten. */
+export function roundUp(value) {
+  if (!(value > 1e-6)) return 1e-6;
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 1.5, 2, 3, 5, 7.5, 10].find((step) => step * power >= value * (1 - 1e-9)) * power;
+}
