@@ -43,7 +43,10 @@ serve: $(READY) ## start the service on HOST:PORT
 test: $(READY) servers ## all tests; those marked `data` need CUSP_DATA
 	$(BIN)/python -m pytest
 
-servers: # PostgreSQL, which tests start themselves; Debian keeps its commands off the PATH
+servers: # PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
+	@if command -v chromium >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core >/dev/null || true; \
+	else echo "No Chromium is installed (apt-get install chromium): tests of the page are skipped."; fi
 	@if command -v initdb >/dev/null || ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1; then exit 0; fi; \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends postgresql >/dev/null; \
