@@ -150,6 +150,8 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
     engine.run("exec", CONTAINER, *command[1:])  # podman needs systemd to run it by itself
     seen["health check"] = "passes"
 
+    for path in ("/", "/web/app.js", "/web/vendor/three/three.module.js"):
+        _expect(httpx.get(client.server + path).status_code == 200, f"no {path} in the image")
     demo = [sys.executable, "-m", "service.cli", "demo", "--server", client.server, "--out", str(folder / "demo")]
     told = subprocess.run(demo, capture_output=True, text=True)
     found = re.search(r"/v1/jobs/([0-9a-f-]{36})/results", told.stdout)
