@@ -33,8 +33,13 @@ def run_part(name: str, parent: int) -> int:
         lock = prepare(settings, name)
     except (AlreadyRunning, Exposed, NotApart, NoDatabase) as error:
         return refuse(str(error))
+    from sqlalchemy.exc import DBAPIError
+
     with lock:
-        return _run(name, settings)
+        try:
+            return _run(name, settings)
+        except DBAPIError as error:  # while it starts; later a part waits for its database
+            return refuse(f"the database went away during the start: {str(error.orig).strip()}; start this again")
 
 
 def refuse(reason: str) -> int:

@@ -152,6 +152,15 @@ class ScaledService:
                 env={**self.environment, "CUSP_WORKER_ID": name, "CUSP_DATA_DIR": str(self.folder / name)},
             )
 
+    def replace(self, worker: psutil.Popen) -> None:
+        """Another of that name for one that ended; returns when it takes jobs."""
+        number = self.workers.index(worker)
+        ready = self.log.read_text().count("worker ready")
+        self.workers[number] = self.start("worker", f"worker-{number}")
+        wait_until(
+            lambda: self.log.read_text().count("worker ready") > ready, START_TIMEOUT_S, "the new worker to be ready"
+        )
+
     def busy(self) -> psutil.Popen:
         """The worker that computes now."""
 

@@ -4,8 +4,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 from sqlalchemy import text
 
@@ -51,12 +53,11 @@ def test_a_killed_workers_job_is_finished_by_another_within_30_s(
     victim = scaled.busy()
     victim.kill()
     killed_at = time.monotonic()
-    number = scaled.workers.index(victim)
     wait_until(lambda: scaled.client.job(job_id).attempt == 2, 30, "the other worker to take the job")
     assert time.monotonic() - killed_at < 30
     assert scaled.client.wait(job_id, timeout_s=90).status is Status.SUCCESSFUL
     victim.wait()
-    scaled.workers[number] = scaled.start("worker", f"worker-{number}")
+    scaled.replace(victim)
 
 
 def test_a_stopped_workers_job_goes_to_another_at_once(scaled: ScaledService, design: Path, scan: Path) -> None:
@@ -66,8 +67,7 @@ def test_a_stopped_workers_job_goes_to_another_at_once(scaled: ScaledService, de
     assert victim.wait(10) == 0
     wait_until(lambda: scaled.client.job(job_id).attempt == 2, 10, "the other worker to take the job")
     assert scaled.client.wait(job_id, timeout_s=90).status is Status.SUCCESSFUL
-    number = scaled.workers.index(victim)
-    scaled.workers[number] = scaled.start("worker", f"worker-{number}")
+    scaled.replace(victim)
 
 
 def test_a_restart_of_the_database_costs_no_attempt(
@@ -88,7 +88,11 @@ def test_a_restart_of_the_database_costs_no_attempt(
 def test_a_second_worker_of_a_name_does_not_start(scaled: ScaledService, tmp_path: Path) -> None:
     scaled.folder = tmp_path  # another machine: another folder
     second = scaled.start("worker", "worker-0")
-    assert second.wait(60) == 3
+    try:
+        assert second.wait(60) == 3
+    finally:
+        with suppress(psutil.NoSuchProcess):
+            second.kill()
     assert "another worker has this name" in scaled.log.read_text()
 
 
