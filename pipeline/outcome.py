@@ -21,52 +21,58 @@ class Record(BaseModel):
 class Note(Record):
     """A warning: `code` for machines, `detail` for people."""
 
-    code: str
-    detail: str
+    code: str = Field(description="stable word for machines")
+    detail: str = Field(description="the same in words, with figures")
 
 
 class Finding(Record):
     """Something the verdict rests on or a person should know, whatever the status."""
 
-    code: str
-    detail: str
-    value: float | None
+    code: str = Field(description="stable word for machines, as in the table of findings")
+    detail: str = Field(description="the same in words, with figures")
+    value: float | None = Field(description="the figure it rests on; null where it has none")
 
 
 VerdictStatus = Literal["ok", "units_suspect", "mirrored", "no_match", "under_constrained", "ambiguous"]
 
 
 class Verdict(Record):
-    status: VerdictStatus
+    status: VerdictStatus = Field(
+        description="the first that applies, in the order of the README; only `ok` needs no look"
+    )
     confidence: float | None = Field(
         ge=0,
         le=1,
         description="probability that the pose is right, from the evidence for it; 0 without a pose",
     )
-    findings: list[Finding]
+    findings: list[Finding] = Field(description="what the status rests on, and what else a person should know")
 
 
 class Transform(Record):
     """The best proper (det +1) pose. `matrix` works on mm; `matrix_file_to_file` on the files' own units."""
 
-    matrix: Matrix4
-    source: Literal["scan"] = "scan"
-    target: Literal["design"] = "design"
-    convention: Literal["p_design_mm = M @ p_scan_mm"] = "p_design_mm = M @ p_scan_mm"
-    units: Literal["mm"] = "mm"
-    det: float
-    rotation_deg: float
-    quaternion_wxyz: Annotated[list[float], Field(min_length=4, max_length=4)]
-    translation_mm: Vector3
-    matrix_file_to_file: Matrix4
+    matrix: Matrix4 = Field(description="4x4, rows: p_design_mm = matrix @ (p_scan_mm, 1)")
+    source: Literal["scan"] = Field("scan", description="frame it comes from")
+    target: Literal["design"] = Field("design", description="frame it leads to")
+    convention: Literal["p_design_mm = M @ p_scan_mm"] = Field(
+        "p_design_mm = M @ p_scan_mm", description="how to apply it"
+    )
+    units: Literal["mm"] = Field("mm", description="of `matrix` and `translation_mm`")
+    det: float = Field(description="determinant of the rotation: +1")
+    rotation_deg: float = Field(description="angle of the rotation")
+    quaternion_wxyz: Annotated[list[float], Field(min_length=4, max_length=4)] = Field(
+        description="the rotation as a unit quaternion, w >= 0"
+    )
+    translation_mm: Vector3 = Field(description="last column of `matrix`")
+    matrix_file_to_file: Matrix4 = Field(description="the same for coordinates in the two files' own units")
 
 
 class Alternative(Record):
     """Another pose, or a symmetry of the design. `score`: over the winner's, >= 1; `rmse_mm`: on a sample of the scan."""
 
-    matrix: Matrix4
-    score: float
-    rmse_mm: float
+    matrix: Matrix4 = Field(description="4x4, rows, as in `transform`")
+    score: float = Field(description="its cost over the winner's: 1 is as good")
+    rmse_mm: float = Field(description="on a sample of the scan")
     symmetry_of_design: bool = Field(description="moving the design from the pose to this one leaves it the same")
 
 
@@ -79,22 +85,22 @@ class Metrics(Record):
     k_ratio: float | None = Field(description="RMSE_c / RMSE_p")
     rmse_mm: float | None = Field(description="under the final transform; null when there is none")
     inlier_rmse_mm: float | None = Field(description="the same over scan vertices within inlier_distance_mm")
-    inlier_distance_mm: float
+    inlier_distance_mm: float = Field(description="distance up to which a point counts as lying on the other surface")
     fitness: float | None = Field(description="area share of the scan within inlier_distance_mm of the design")
     scan_overlap: float | None = Field(
         description="area share of the scan within inlier_distance_mm, its closest design point not on an open border"
     )
     design_coverage: float | None = Field(description="area share of the design within inlier_distance_mm of the scan")
-    iterations: int
-    converged: bool
+    iterations: int = Field(description="of the final ICP")
+    converged: bool = Field(description="whether the final ICP came to rest before `max_iterations`")
 
 
 class Landmark(Record):
-    id: int
+    id: int = Field(description="counts from 0, the strongest first")
     vertex: int = Field(description="vertex of <mesh>.clean.ply nearest to position_mm")
-    position_mm: Vector3
-    normal: Vector3
-    segment: int
+    position_mm: Vector3 = Field(description="in the mesh's own frame, in mm")
+    normal: Vector3 = Field(description="unit outward normal there")
+    segment: int = Field(description="number of its segment")
     t2: float = Field(description="T^2 by the spread of its segment (at most that of the part), which the limit is for")
     strength: float = Field(
         description="what landmarks are ordered by: T^2 by the spread of the whole part, over its limit, so that "
@@ -103,84 +109,111 @@ class Landmark(Record):
 
 
 class Match(Record):
-    design: int
-    scan: int
+    design: int = Field(description="`id` of the landmark of the design")
+    scan: int = Field(description="`id` of the landmark of the scan")
     residual_mm: float = Field(description="distance of the two landmarks under the final transform")
 
 
 class Landmarks(Record):
-    design: list[Landmark]
-    scan: list[Landmark]
-    matches: list[Match]
+    design: list[Landmark] = Field(description="of the design, the strongest first")
+    scan: list[Landmark] = Field(description="of the scan, the strongest first")
+    matches: list[Match] = Field(description="which landmarks are the same place; empty without a pose")
 
 
 class Centre(Record):
-    segment: int
-    vertex: int
-    position_mm: Vector3
-    rho: float
-    delta: float
+    segment: int = Field(description="number of the segment, from 0")
+    vertex: int = Field(description="its density peak, a vertex of <mesh>.clean.ply")
+    position_mm: Vector3 = Field(description="of the peak, in the frame of the mesh")
+    rho: float = Field(description="density at the peak (Rodriguez & Laio)")
+    delta: float = Field(description="geodesic distance in mm to the nearest point of higher density")
     size: int = Field(description="vertices of the cleaned mesh in the segment")
 
 
 class Segments(Record):
-    count: int
-    method: SegmentationMethod
-    metric: Literal["surface", "crease"]
-    density: Literal["vertex", "area", "convexity"]
+    count: int = Field(description="number of segments")
+    method: SegmentationMethod = Field(description="the clustering")
+    metric: Literal["surface", "crease"] = Field(
+        description="what distances are measured along: the surface, or the surface with creases made longer"
+    )
+    density: Literal["vertex", "area", "convexity"] = Field(
+        description="what rho counts: vertices, area, or area by convexity"
+    )
     d_c: float = Field(description="cut-off distance in mm")
     halo_fraction: float = Field(description="share of the working vertices that are halo")
     limit_share: float | None = Field(
         description="share of the working vertices beyond the T^2 limit; null: no landmarks were looked for"
     )
-    centres: list[Centre]
+    centres: list[Centre] = Field(description="the density peaks, by segment")
 
 
 class SegmentsPair(Record):
-    design: Segments
+    design: Segments = Field(description="of the design")
     scan: Segments | None = Field(description="null: the scan has no surface to segment")
 
 
 class SegmentsOfMesh(Record):
-    mesh: Segments
+    mesh: Segments = Field(description="of the mesh")
 
 
-class SegmentDeviation(Record):
-    segment: int
-    n: int
-    mean_mm: float
-    sd_mm: float
-    rms_mm: float
-    min_mm: float
-    max_mm: float
+class Spread(Record):
+    """A distribution of signed distances, area-weighted, so that rms^2 = mean^2 + sd^2."""
+
+    n: int = Field(description="vertices counted")
+    mean_mm: float = Field(description="weighted mean, with the sign")
+    sd_mm: float = Field(description="standard deviation, ddof 0")
+    rms_mm: float = Field(description="root mean square")
+    min_mm: float = Field(description="the farthest inwards: material is missing")
+    max_mm: float = Field(description="the farthest outwards: material too much")
 
 
-class Deviation(Record):
-    """Signed distance (+ outside the design) of scan vertices, area-weighted; SD with ddof 0."""
+class SegmentDeviation(Spread):
+    segment: int = Field(description="number of the segment of the design that the vertices lie closest to")
 
-    n: int
-    mean_mm: float
-    mean_abs_mm: float
-    sd_mm: float
-    rms_mm: float
-    min_mm: float
-    max_mm: float
-    p01_mm: float
-    p05_mm: float
-    p50_mm: float
-    p95_mm: float
-    p99_mm: float
-    tolerance_mm: float | None
-    within: float | None
-    above: float | None
-    below: float | None
-    by_segment: list[SegmentDeviation]
+
+class Distances(Spread):
+    """The same with quantiles (the smallest distance that the share reaches), and shares of the area by tolerance."""
+
+    mean_abs_mm: float = Field(description="weighted mean without the sign")
+    p01_mm: float = Field(description="1 % of the area is at most here")
+    p05_mm: float = Field(description="5 % of the area is at most here")
+    p50_mm: float = Field(description="median")
+    p95_mm: float = Field(description="95 % of the area is at most here")
+    p99_mm: float = Field(description="99 % of the area is at most here")
+    tolerance_mm: float | None = Field(description="as sent in `options`; null: none was")
+    within: float | None = Field(description="share of the area within +- tolerance_mm; null without one")
+    above: float | None = Field(description="share of the area above + tolerance_mm; null without one")
+    below: float | None = Field(description="share of the area below - tolerance_mm; null without one")
+
+
+DesignSide = Literal["closed", "open", "none"]
+
+
+class Deviation(Distances):
+    """Distance of every scan vertex to the surface of the design, + outside; those at an open border are left out."""
+
+    sign: DesignSide = Field(
+        description="`closed`: + is outside of the design; `open`: + is the side its faces look to; `none`: its faces "
+        "look to no common side, so that distances have no sign"
+    )
+    by_segment: list[SegmentDeviation] = Field(description="by the segment of the design")
+
+
+class DesignDeviation(Distances):
+    """The other direction: distance of design vertices to the scan, + where the scan stands out of the design there.
+
+    It sees what no scan vertex lies near: a piece that broke off, a hole that was filled. What the scan does not show (its
+    closest point is on an open border of the scan; of points, farther than the inlier distance) is not counted.
+    """
+
+    seen: float = Field(description="share of the area of the design that is counted")
 
 
 class FreeMotion(Record):
-    kind: Literal["rotation", "translation", "screw"]
-    axis: Vector3
-    point_mm: Vector3
+    kind: Literal["rotation", "translation", "screw"] = Field(
+        description="how the part can move without leaving its design"
+    )
+    axis: Vector3 = Field(description="unit vector, in the frame of the design")
+    point_mm: Vector3 = Field(description="a point that the axis goes through")
     sigma_mm: float = Field(
         description="standard deviation of the RMS displacement along it, with correlated residuals"
     )
@@ -190,7 +223,7 @@ class Observability(Record):
     """6x6 point-to-plane Hessian at the area centroid, rotations scaled by the part's RMS radius."""
 
     eigenvalues: list[float] = Field(description="ascending, mean over the inliers")
-    condition_number: float | None
+    condition_number: float | None = Field(description="largest over smallest eigenvalue; null: the smallest is 0")
     free_motions: list[FreeMotion] = Field(
         description="less certain than the tolerance, or than a share of the diagonal"
     )
@@ -207,109 +240,116 @@ class Scale(Record):
     warp_mm: float | None = Field(
         description="RMS over patches of the mean distance left after scaling by axis: what is bent, not rough"
     )
-    unit_factor: float | None
-    applied: Literal[False] = False
+    unit_factor: float | None = Field(
+        description="of a `units_suspect` scan, what its numbers must be multiplied by; null otherwise"
+    )
+    applied: Literal[False] = Field(False, description="a scale is never applied")
 
 
 class Input(Record):
-    sha256: str
-    format: str
-    unit: str
-    mm_per_unit: float
-    cleaning: dict[str, int | float]
+    sha256: str = Field(description="of the file, hex")
+    format: str = Field(description="by its content: stl, ply, obj, off, 3mf, glb, xyz")
+    unit: str = Field(description="what its numbers were taken as")
+    mm_per_unit: float = Field(description="what they were multiplied by")
+    cleaning: dict[str, int | float] = Field(description="what was removed or repaired, by kind, with counts")
 
 
 class Inputs(Record):
-    design: Input
-    scan: Input
+    design: Input = Field(description="the design file")
+    scan: Input = Field(description="the scan file")
 
 
 class OneInput(Record):
-    mesh: Input
+    mesh: Input = Field(description="the mesh file")
 
 
 class MadeBy(Record):
     """What made a result, beside its inputs."""
 
-    version: str
-    libraries: dict[str, str]
-    settings: dict[str, Any]
-    seed: int
+    version: str = Field(description="of Cusp")
+    libraries: dict[str, str] = Field(description="versions of what it computes with")
+    settings: dict[str, Any] = Field(description="every setting of the method, as it was used")
+    seed: int = Field(description="of every random draw")
 
 
 class Provenance(MadeBy):
-    inputs: Inputs
+    inputs: Inputs = Field(description="the files")
 
 
 class OneProvenance(MadeBy):
-    inputs: OneInput
+    inputs: OneInput = Field(description="the file")
 
 
 class RegistrationResult(Record):
     """What a registration job found. `verdict.status` first; `transform` is null when there is no pose to stand by."""
 
-    schema_version: Literal["1"] = "1"
-    type: Literal["registration"] = "registration"
-    verdict: Verdict
-    transform: Transform | None
-    alternatives: list[Alternative]
-    metrics: Metrics
-    landmarks: Landmarks
-    segments: SegmentsPair
-    deviation: Deviation | None
-    observability: Observability | None
-    scale: Scale | None
-    provenance: Provenance
-    timings_s: dict[str, float]
-    files: list[str]
-    warnings: list[Note]
+    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    type: Literal["registration"] = Field("registration", description="type of the job")
+    verdict: Verdict = Field(description="read this first")
+    transform: Transform | None = Field(description="the pose of the scan on the design; null: none to stand by")
+    alternatives: list[Alternative] = Field(
+        description="other poses that fit, and symmetries; of `no_match` and `mirrored` what was tried and rejected"
+    )
+    metrics: Metrics = Field(description="RMSEs, fitness, overlap")
+    landmarks: Landmarks = Field(description="of both meshes, and how they match")
+    segments: SegmentsPair = Field(description="of both meshes")
+    deviation: Deviation | None = Field(description="of the scan from the design; null without a pose")
+    deviation_of_design: DesignDeviation | None = Field(
+        description="of the design from the scan; null without a pose, or where the scan shows none of it"
+    )
+    observability: Observability | None = Field(description="which motions the data cannot see; null without a pose")
+    scale: Scale | None = Field(description="diagnosis of size and warp; null without a pose")
+    provenance: Provenance = Field(description="what this was made from and with")
+    timings_s: dict[str, float] = Field(description="seconds by stage; not part of what repeats to the byte")
+    files: list[str] = Field(description="names of the files beside this one")
+    warnings: list[Note] = Field(description="what a person should know; nothing that stopped the job")
 
 
 class SegmentsResult(Record):
     """What `find_segments` found in one mesh. The centres' `vertex` is one of `mesh.segments.ply`."""
 
-    schema_version: Literal["1"] = "1"
-    type: Literal["segments"] = "segments"
-    segments: SegmentsOfMesh
-    provenance: OneProvenance
-    timings_s: dict[str, float]
-    files: list[str]
-    warnings: list[Note]
+    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    type: Literal["segments"] = Field("segments", description="type of the job")
+    segments: SegmentsOfMesh = Field(description="of the mesh")
+    provenance: OneProvenance = Field(description="what this was made from and with")
+    timings_s: dict[str, float] = Field(description="seconds by stage; not part of what repeats to the byte")
+    files: list[str] = Field(description="names of the files beside this one")
+    warnings: list[Note] = Field(description="what a person should know; nothing that stopped the job")
 
 
 class LandmarksOfMesh(Record):
-    mesh: list[Landmark]
+    mesh: list[Landmark] = Field(description="of the mesh, the strongest first")
 
 
 class LandmarksResult(Record):
     """What a landmarks job found in one mesh."""
 
-    schema_version: Literal["1"] = "1"
-    type: Literal["landmarks"] = "landmarks"
-    segments: SegmentsOfMesh
-    landmarks: LandmarksOfMesh
-    provenance: OneProvenance
-    timings_s: dict[str, float]
-    files: list[str]
-    warnings: list[Note]
+    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    type: Literal["landmarks"] = Field("landmarks", description="type of the job")
+    segments: SegmentsOfMesh = Field(description="of the mesh")
+    landmarks: LandmarksOfMesh = Field(description="of the mesh")
+    provenance: OneProvenance = Field(description="what this was made from and with")
+    timings_s: dict[str, float] = Field(description="seconds by stage; not part of what repeats to the byte")
+    files: list[str] = Field(description="names of the files beside this one")
+    warnings: list[Note] = Field(description="what a person should know; nothing that stopped the job")
 
 
 class Quantiles(Record):
     """A distribution over trials."""
 
     n: int = Field(description="trials that gave a value")
-    p05: float | None
-    p25: float | None
-    p50: float | None
-    p75: float | None
-    p95: float | None
+    p05: float | None = Field(description="5 % of the trials are below; null: no trial gave a value")
+    p25: float | None = Field(description="25 % of the trials are below; null: no trial gave a value")
+    p50: float | None = Field(description="50 % of the trials are below; null: no trial gave a value")
+    p75: float | None = Field(description="75 % of the trials are below; null: no trial gave a value")
+    p95: float | None = Field(description="95 % of the trials are below; null: no trial gave a value")
 
 
 class InformativenessProtocol(Record):
     """The paper's five steps on a shape of n points and its own copy: see `pipeline/informativeness.py`."""
 
-    kind: Literal["informativeness"] = "informativeness"
-    trials: int
+    kind: Literal["informativeness"] = Field("informativeness", description="the paper's protocol")
+    trials: int = Field(description="a detector")
     noise_mm: float = Field(description="the copy is moved by up to this along each axis")
     rotation_deg: float = Field(description="and turned by up to this")
     points: int = Field(description="points of the complete shape")
@@ -321,35 +361,37 @@ class InformativenessProtocol(Record):
 class InformativenessRow(Record):
     """One detector under one ICP protocol; K = RMSE_c / RMSE_p over the vertices with their known partners."""
 
-    detector: Detector
-    icp: str
-    points: int
+    detector: Detector = Field(description="the landmark detector")
+    icp: str = Field(description="name of the ICP protocol")
+    points: int = Field(description="points it gave")
     share_above: float = Field(description="of the trials with K > 1 + 1e-6, ties left out")
     share_tie: float = Field(description="of the trials where both errors are rounding error")
     share_at_least_10: float = Field(description="of the trials with K >= 10, ties left out")
     share_raw_above: float = Field(
         description="of the trials with K > 1 whatever the size of both, as the paper counts"
     )
-    k: Quantiles
-    rmse_complete_mm: Quantiles
-    rmse_landmarks_mm: Quantiles
+    k: Quantiles = Field(description="RMSE_c / RMSE_p, ties left out")
+    rmse_complete_mm: Quantiles = Field(description="RMSE_c")
+    rmse_landmarks_mm: Quantiles = Field(description="RMSE_p")
 
 
 class RepeatabilityProtocol(Record):
-    kind: Literal["repeatability"] = "repeatability"
+    kind: Literal["repeatability"] = Field(
+        "repeatability", description="are landmarks found again on another mesh of the shape"
+    )
     trials: int = Field(description="a condition")
     eps: float = Field(description="share of the diagonal")
-    eps_mm: float
+    eps_mm: float = Field(description="the same in mm: found again means within it")
     count: int = Field(description="points a detector, on either mesh")
     spacing_mm: float = Field(description="least distance of two points of a detector, > 2 eps")
-    conditions: list[str]
+    conditions: list[str] = Field(description="what the other meshes went through")
 
 
 class RepeatabilityRow(Record):
     """One detector under one condition, over all its trials."""
 
-    detector: Detector
-    condition: str
+    detector: Detector = Field(description="the landmark detector")
+    condition: str = Field(description="one of `conditions`")
     repeatability: Quantiles = Field(
         description="found again within eps, one to one, over `count` visible points asked"
     )
@@ -365,13 +407,13 @@ class RepeatabilityRow(Record):
 class StudyResult(Record):
     """What a study found: the protocol, one row a detector (and ICP protocol or condition), in words."""
 
-    schema_version: Literal["1"] = "1"
-    type: Literal["study"] = "study"
-    protocol: InformativenessProtocol | RepeatabilityProtocol = Field(discriminator="kind")
+    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    type: Literal["study"] = Field("study", description="type of the job")
+    protocol: InformativenessProtocol | RepeatabilityProtocol = Field(discriminator="kind", description="what was done")
     informativeness: list[InformativenessRow] | None = Field(description="null in the other kind of study")
     repeatability: list[RepeatabilityRow] | None = Field(description="null in the other kind of study")
     summary: str = Field(description="one paragraph in words")
-    provenance: OneProvenance
-    timings_s: dict[str, float]
-    files: list[str]
-    warnings: list[Note]
+    provenance: OneProvenance = Field(description="what this was made from and with")
+    timings_s: dict[str, float] = Field(description="seconds by stage; not part of what repeats to the byte")
+    files: list[str] = Field(description="names of the files beside this one")
+    warnings: list[Note] = Field(description="what a person should know; nothing that stopped the job")

@@ -103,7 +103,7 @@ class Scan:
         self.mesh = mesh
         self.every = ScanPoints.of(mesh, settings.sample_points, seed)
         self.few = ScanPoints.of(mesh, TRIAL_POINTS, seed)
-        self._surface = None if mesh.is_cloud else Surface(mesh)
+        self.surface = None if mesh.is_cloud else Surface(mesh)
         self._seed = seed
 
     def views(self, facing: float) -> Views | None:
@@ -117,10 +117,10 @@ class Scan:
         """Share of the design within the inlier distance of the scan."""
         samples = sampling.on_surface(design.mesh, COVERAGE_POINTS, self._seed).points
         in_scan = rigid.transformed(rigid.inverse(T_design_scan), samples)
-        if self._surface is None:
+        if self.surface is None:
             distance, _ = nearest(self.mesh.vertices, in_scan)
         else:
-            distance = self._surface.closest(in_scan).distance
+            distance = self.surface.closest(in_scan).distance
         return float(np.mean(distance <= inlier_distance_mm))
 
 

@@ -11,8 +11,13 @@ from pipeline import palette
 from pipeline.colour_scale import ColourScale
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.outcome import (
+    DesignDeviation,
+    DesignSide,
+    Deviation,
+    Distances,
     Input,
     LandmarksResult,
+    Metrics,
     Note,
     RegistrationResult,
     Segments,
@@ -91,7 +96,7 @@ def registration(
         if found.within is not None and found.tolerance_mm is not None:
             share = f"{found.within:.1%}"
             tiles.insert(0, (f"of the area within ±{found.tolerance_mm:g} mm", share))
-    tables = []
+    tables = [] if found is None else [_both_ways(found, result.deviation_of_design, metrics)]
     if found is not None and found.by_segment:
         tables.append(
             Table(
@@ -128,7 +133,7 @@ def registration(
         subtitle=f"{counted}, {len(result.landmarks.matches)} matched" if posed else counted,
         verdict=_verdict(result.verdict),
         tiles=tiles,
-        legend=None if scale is None else _legend(scale),
+        legend=None if scale is None or found is None else _legend(scale, found.sign),
         pictures=[each.words() for each in (*([deviation] if deviation else []), *parts)],
         drawings=_drawings(out, names),
         tables=tables,
@@ -186,7 +191,46 @@ def _verdict(verdict: Verdict) -> dict[str, object]:
     }
 
 
-def _legend(scale: ColourScale) -> dict[str, object]:
+def _both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
+    """Statistics of the scan's vertices beside those of the design's."""
+    overlap = None if metrics.scan_overlap is None else f"{metrics.scan_overlap:.1%} within the inlier distance"
+    rows: list[tuple[str, ...]] = [
+        ("area", overlap or "-", "-" if design is None else f"{design.seen:.1%} shown by the scan"),
+        *(
+            (name, told(scan), "-" if design is None else told(design))
+            for name, told in (
+                ("vertices counted", lambda each: str(each.n)),
+                ("mean (SD)", lambda each: f"{each.mean_mm:+.3f} ({each.sd_mm:.3f}) mm"),
+                ("RMS", lambda each: f"{each.rms_mm:.3f} mm"),
+                ("1 % to 99 %", lambda each: f"{each.p01_mm:+.3f} to {each.p99_mm:+.3f} mm"),
+                ("least, most", lambda each: f"{each.min_mm:+.3f}, {each.max_mm:+.3f} mm"),
+                ("within, above, below the tolerance", _by_tolerance),
+            )
+        ),
+    ]
+    return Table(
+        "Both directions",
+        ("", "scan to design", "design to scan"),
+        rows,
+        frozenset({"scan to design", "design to scan"}),
+        "Design to scan shows what no point of the scan lies near: a piece that broke off, a hole that was filled.",
+    )
+
+
+def _by_tolerance(found: Distances) -> str:
+    if found.within is None or found.above is None or found.below is None:
+        return "-"
+    return f"{found.within:.1%}, {found.above:.1%}, {found.below:.1%}"
+
+
+SIGNS: dict[DesignSide, str] = {
+    "closed": "",
+    "open": " The design is open: + is the side that its faces look to.",
+    "none": " The faces of the design look to no common side: distances have no sign here.",
+}
+
+
+def _legend(scale: ColourScale, sign: DesignSide) -> dict[str, object]:
     import numpy as np
 
     middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
@@ -199,7 +243,7 @@ def _legend(scale: ColourScale) -> dict[str, object]:
     return {
         "colours": [_hex(each) for each in scale.colours(middles * scale.limit_mm)],
         "ticks": [((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm" if mark else "0") for mark in sorted(marks)],
-        "words": words,
+        "words": words + SIGNS[sign],
     }
 
 

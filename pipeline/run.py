@@ -28,7 +28,7 @@ from pipeline.outcome import (
 from pipeline.progress import OnProgress, Stage
 from pipeline.settings import Settings
 from pipeline.stages import report
-from pipeline.stages.deviation import deviation
+from pipeline.stages.deviation import deviation, deviation_of_design
 from pipeline.stages.study import study
 from pipeline.verdict import POSED, Case, judge
 from pipeline.watch import Watch
@@ -76,6 +76,18 @@ def run_registration(
         measured = deviation(
             scan.mesh, known.surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation
         )
+        of_design = (
+            deviation_of_design(
+                scan.mesh,
+                registration.scan_surface,
+                known.surface,
+                registration.fit,
+                registration.inlier_distance_mm,
+                tolerance_mm,
+            )
+            if posed
+            else None
+        )
 
     T_design_scan = registration.best.T_design_scan
     landmarks = Landmarks(
@@ -109,6 +121,7 @@ def run_registration(
         landmarks=landmarks,
         segments=SegmentsPair(design=segments_record(design, settings), scan=segments_record(scan, settings)),
         deviation=measured.summary if posed else None,
+        deviation_of_design=of_design,
         observability=records.observability(registration) if posed else None,
         scale=records.scale(registration, doubted.unit_factor) if posed else None,
         provenance=records.provenance(

@@ -109,7 +109,7 @@ class BlobRef(Request):
 class RegistrationRequest(Request):
     """Put a scan on its design, and measure."""
 
-    type: Literal["registration"] = "registration"
+    type: Literal["registration"] = Field("registration", description="what to do")
     design: BlobRef = Field(description="the design mesh")
     scan: BlobRef = Field(description="the scan mesh, or points")
     options: Options = Field(Options(), description="how to run the job")
@@ -118,7 +118,7 @@ class RegistrationRequest(Request):
 class LandmarksRequest(Request):
     """Segments and landmarks of one mesh."""
 
-    type: Literal["landmarks"]
+    type: Literal["landmarks"] = Field(description="what to do")
     mesh: BlobRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job")
 
@@ -126,7 +126,7 @@ class LandmarksRequest(Request):
 class StudyRequest(Request):
     """How much landmarks tell about one mesh, or whether they are found again on another mesh of its shape."""
 
-    type: Literal["study"]
+    type: Literal["study"] = Field(description="what to do")
     mesh: BlobRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job; `study` says what to do")
 
@@ -155,18 +155,18 @@ class Job(Response):
     """A job's status."""
 
     id: str = Field(description="UUIDv7; sorts by time of creation")
-    type: JobType
-    status: Status
+    type: JobType = Field(description="what it does")
+    status: Status = Field(description="where it stands")
     stage: Stage | None = Field(description="what the child process is doing; null before it starts")
     progress: float = Field(ge=0, le=100, description="percent of the whole job; never falls within an attempt")
     message: str | None = Field(description="the stage in words")
     label: str | None = Field(description="as sent in `options`")
-    created: datetime
+    created: datetime = Field(description="when it was accepted")
     started: datetime | None = Field(description="of the latest attempt")
-    finished: datetime | None
+    finished: datetime | None = Field(description="when it became final")
     attempt: int = Field(description="how often a worker took it; above 1 after a worker died or stopped")
     error: Problem | None = Field(description="why it failed; null otherwise")
-    links: Links
+    links: Links = Field(description="where to go from here")
 
     @property
     def is_final(self) -> bool:
@@ -177,7 +177,7 @@ class Job(Response):
 class JobPage(Response):
     """Jobs, newest first."""
 
-    jobs: list[Job]
+    jobs: list[Job] = Field(description="a page of them")
     next: str | None = Field(description="`cursor` of the next page; null on the last")
 
 
@@ -192,10 +192,10 @@ class DeliveryState(StrEnum):
 class DeliveryAttempt(Response):
     """One try to deliver a message."""
 
-    at: datetime
+    at: datetime = Field(description="when")
     status: int | None = Field(description="HTTP status of the answer; null when none came")
     error: str | None = Field(description="why no answer came")
-    seconds: float
+    seconds: float = Field(description="how long it took")
 
 
 class Delivery(Response):
@@ -203,32 +203,32 @@ class Delivery(Response):
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
     event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
-    url: str
-    state: DeliveryState
+    url: str = Field(description="where it goes")
+    state: DeliveryState = Field(description="where it stands")
     next: datetime | None = Field(description="when the next attempt is due; null when there will be none")
-    attempts: list[DeliveryAttempt]
+    attempts: list[DeliveryAttempt] = Field(description="what was tried, oldest first")
 
 
 class DeliveryList(Response):
     """Messages to a job's webhook, oldest first."""
 
-    deliveries: list[Delivery]
+    deliveries: list[Delivery] = Field(description="a message each")
 
 
 class FileEntry(Response):
     """A file of a successful job."""
 
-    name: str
+    name: str = Field(description="as in `files` of the results")
     size: int = Field(description="bytes")
     sha256: str = Field(description="hex digest of the content")
-    media_type: str
+    media_type: str = Field(description="of the content")
     href: str = Field(description="where to download it")
 
 
 class FileList(Response):
     """The files of a successful job."""
 
-    files: list[FileEntry]
+    files: list[FileEntry] = Field(description="all of them")
 
 
 class Limits(Response):
@@ -250,15 +250,15 @@ class Limits(Response):
 class Version(Response):
     """What is running."""
 
-    name: Literal["cusp"] = "cusp"
-    version: str
+    name: Literal["cusp"] = Field("cusp", description="of the service")
+    version: str = Field(description="of Cusp")
     schema_version: Literal["1"] = Field("1", description="of the results")
 
 
 class Health(Response):
     """Answer of the probes."""
 
-    status: Literal["ok"] = "ok"
+    status: Literal["ok"] = Field("ok", description="all is well; otherwise the answer is a problem")
 
 
 #: results.json as the pipeline wrote it, by the type of the job.

@@ -17,7 +17,7 @@ _MAX_COT = 1e3  # a sliver's cotangent: beyond this it says nothing about the su
 
 def cotangent_laplacian(mesh: Mesh) -> csr_matrix:
     """(n, n) L with (L f)_i = sum_j (cot a_ij + cot b_ij) / 2 (f_j - f_i); symmetric, rows sum to 0."""
-    angles = corner_angles(mesh)
+    angles = corner_angles(mesh.vertices[mesh.faces])
     half_cot = np.clip(np.cos(angles) / np.maximum(np.sin(angles), 1e-12), -_MAX_COT, _MAX_COT) / 2
     i = mesh.faces[:, [1, 2, 0]].ravel()
     j = mesh.faces[:, [2, 0, 1]].ravel()
@@ -36,7 +36,7 @@ def integrated_laplacian(mesh: Mesh) -> FloatArray:
 def angle_defect(mesh: Mesh, *, border_correction: bool) -> FloatArray:
     """(n,) integrated Gaussian curvature: 2 pi minus the angles at the vertex; pi minus on a corrected border."""
     n = len(mesh.vertices)
-    around = np.bincount(mesh.faces.ravel(), weights=corner_angles(mesh).ravel(), minlength=n)
+    around = np.bincount(mesh.faces.ravel(), weights=corner_angles(mesh.vertices[mesh.faces]).ravel(), minlength=n)
     full = np.full(n, 2 * np.pi)
     if border_correction:
         full[topology.border_vertices(mesh.faces, n)] = np.pi

@@ -55,6 +55,18 @@ class Surface:
     def _edges(self) -> topology.Edges:
         return topology.edges(self.mesh.faces)
 
+    @cached_property
+    def vertex_normals(self) -> FloatArray:
+        """(n, 3) not normalised: the sum of the faces' normals by angle."""
+        return self._normals_at(np.arange(len(self.mesh.faces)))
+
+    def _normals_at(self, some: IndexArray) -> FloatArray:
+        """(n, 3) the sum by angle of the normals of `some` (k,) faces only."""
+        found = np.zeros_like(self.mesh.vertices)
+        angles = corner_angles(self.mesh.vertices[self.mesh.faces[some]])
+        np.add.at(found, self.mesh.faces[some], angles[:, :, None] * self._face_normals[some, None, :])
+        return found
+
     def closest(self, points: FloatArray) -> Closest:
         """points : (k, 3)."""
         query = o3d.core.Tensor((points - self._centre).astype(np.float32))
@@ -98,23 +110,25 @@ class Surface:
         zero = found.weights == 0
         at_edge = np.flatnonzero(zero.sum(axis=1) == 1)
         if at_edge.size:
-            of_edge = np.zeros((len(self._edges.ends), 3))
-            np.add.at(of_edge, self._edges.of_face.ravel(), np.repeat(self._face_normals, 3, axis=0))
-            normal[at_edge] = of_edge[self._edges.of_face[found.face[at_edge], zero[at_edge].argmax(axis=1)]]
+            asked = self._edges.of_face[found.face[at_edge], zero[at_edge].argmax(axis=1)]
+            edges, of_asked = np.unique(asked, return_inverse=True)
+            number = np.full(len(self._edges.ends), -1)
+            number[edges] = np.arange(len(edges))
+            face, corner = np.nonzero(number[self._edges.of_face] >= 0)
+            of_edge = np.zeros((len(edges), 3))
+            np.add.at(of_edge, number[self._edges.of_face[face, corner]], self._face_normals[face])
+            normal[at_edge] = of_edge[of_asked]
         at_vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         if at_vertex.size:
-            of_vertex = np.zeros_like(self.mesh.vertices)
-            angles = corner_angles(self.mesh)
-            np.add.at(of_vertex, self.mesh.faces, angles[:, :, None] * self._face_normals[:, None, :])
-            normal[at_vertex] = of_vertex[
-                self.mesh.faces[found.face[at_vertex], found.weights[at_vertex].argmax(axis=1)]
-            ]
+            vertex = self.mesh.faces[found.face[at_vertex], found.weights[at_vertex].argmax(axis=1)]
+            is_asked = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
+            is_asked[vertex] = True
+            normal[at_vertex] = self._normals_at(np.flatnonzero(is_asked[self.mesh.faces].any(axis=1)))[vertex]
         return normal
 
 
-def corner_angles(mesh: Mesh) -> FloatArray:
-    """(m, 3) interior angle of each face at each corner, radians."""
-    corners = mesh.vertices[mesh.faces]
+def corner_angles(corners: FloatArray) -> FloatArray:
+    """(m, 3) interior angle of each triangle (m, 3, 3) at each corner, radians."""
     to_next = np.roll(corners, -1, axis=1) - corners
     to_last = np.roll(corners, 1, axis=1) - corners
     angles: FloatArray = np.arctan2(

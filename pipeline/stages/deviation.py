@@ -1,12 +1,15 @@
-"""How far the print is from its design: signed distances of the scan's vertices, in numbers."""
+"""How far the print is from its design: signed distances of the scan's vertices, in numbers; and of the design's."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from pipeline.kernels import rigid, topology
+from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.mesh import BoolArray, FloatArray, IntArray, Mesh
-from pipeline.outcome import Deviation, SegmentDeviation
+from pipeline.outcome import DesignDeviation, DesignSide, Deviation, SegmentDeviation
 from pipeline.settings import DeviationSettings
 from pipeline.stages.registration import Fit
 
@@ -34,65 +37,104 @@ def deviation(
     distribution. A vertex whose closest design point lies on an open border of the design says nothing about
     the print there and is left out. `by_segment` groups by the design segment of the closest point.
     """
-    signed = design.signed_distance(fit.moved, fit.closest)
+    sign = side_of(design.mesh)
+    signed = fit.closest.distance if sign == "none" else design.signed_distance(fit.moved, fit.closest)
     counted = np.ones(len(signed), dtype=np.bool_)
     if settings.exclude_open_border:
         counted = ~design.on_open_border(fit.closest)
     weights = scan.weights() * counted
     if weights.sum() == 0:
         return Deviations(signed, counted, None)
-    weights = weights / weights.sum()
     segment = design_segment_of_face[fit.closest.face]
-    return Deviations(signed, counted, _summary(signed, weights, counted, segment, tolerance_mm))
+    by_segment = [
+        SegmentDeviation(segment=int(number), **_spread(signed, weights, members))
+        for number in np.unique(segment[counted])
+        if weights[members := counted & (segment == number)].sum() > 0
+    ]
+    summary = Deviation(sign=sign, by_segment=by_segment, **_distances(signed, weights, counted, tolerance_mm))
+    return Deviations(signed, counted, summary)
 
 
-def _summary(
-    signed: FloatArray, weights: FloatArray, counted: BoolArray, segment: IntArray, tolerance_mm: float | None
-) -> Deviation:
+def deviation_of_design(
+    scan: Mesh,
+    surface: Surface | None,
+    design: Surface,
+    fit: Fit,
+    inlier_distance_mm: float,
+    tolerance_mm: float | None,
+) -> DesignDeviation | None:
+    """Distance of every design vertex to the scan, + where the scan stands out of the design; None: nothing is seen.
+
+    surface : of the scan in its own frame; None of points. Of these a distance beyond `inlier_distance_mm` is not told from
+    what was not scanned, and the sign is the side of the design on which the closest point lies.
+    """
+    sign, vertices = side_of(design.mesh), design.mesh.vertices
+    in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), vertices)
+    if surface is None:
+        distance, found = nearest(scan.vertices, in_scan)
+        outward = np.einsum("kd,kd->k", fit.moved[found] - vertices, design.vertex_normals)
+        signed = np.where(outward < 0, -distance, distance)
+        counted = np.asarray(distance <= inlier_distance_mm)
+    else:
+        closest = surface.closest(in_scan)
+        inside = -surface.signed_distance(in_scan, closest)  # there the print has too much
+        # Which side of an open scan is its inside, is told by the design.
+        out = rigid.turned(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
+        agrees = float(np.einsum("md,md->", out, fit.closest.normal[scan.faces[:, 0]])) >= 0
+        signed = inside if agrees else -inside
+        counted = ~surface.on_open_border(closest)
+    weights = design.mesh.weights() * counted
+    if weights.sum() == 0:
+        return None
+    signed = np.abs(signed) if sign == "none" else signed
+    return DesignDeviation(seen=float(weights.sum()), **_distances(signed, weights, counted, tolerance_mm))
+
+
+def side_of(design: Mesh) -> DesignSide:
+    """Which side of the design + is: outside, the side that its faces look to, or none (a Moebius strip)."""
+    if not topology.is_coherent(design.faces):
+        return "none"
+    return "closed" if bool((topology.edges(design.faces).count == 2).all()) else "open"
+
+
+def _distances(
+    signed: FloatArray, weights: FloatArray, counted: BoolArray, tolerance_mm: float | None
+) -> dict[str, Any]:
+    """Fields of `outcome.Distances`; weights : (n,) of any sum, 0 where not counted."""
+    weights = weights / weights.sum()
     p01, p05, p50, p95, p99 = weighted_quantiles(signed, weights, np.array([0.01, 0.05, 0.5, 0.95, 0.99]))
-    mean = float((weights * signed).sum())
     within = above = below = None
     if tolerance_mm is not None:
         above = float(weights[signed > tolerance_mm].sum())
         below = float(weights[signed < -tolerance_mm].sum())
         within = 1.0 - above - below
-    return Deviation(
-        n=int(counted.sum()),
-        mean_mm=mean,
-        mean_abs_mm=float((weights * np.abs(signed)).sum()),
-        sd_mm=float(np.sqrt((weights * (signed - mean) ** 2).sum())),
-        rms_mm=float(np.sqrt((weights * signed**2).sum())),
-        min_mm=float(signed[counted].min()),
-        max_mm=float(signed[counted].max()),
-        p01_mm=float(p01),
-        p05_mm=float(p05),
-        p50_mm=float(p50),
-        p95_mm=float(p95),
-        p99_mm=float(p99),
-        tolerance_mm=tolerance_mm,
-        within=within,
-        above=above,
-        below=below,
-        by_segment=[
-            _of_segment(int(number), signed, weights, counted & (segment == number))
-            for number in np.unique(segment[counted])
-            if weights[counted & (segment == number)].sum() > 0
-        ],
-    )
+    return {
+        **_spread(signed, weights, counted),
+        "mean_abs_mm": float((weights * np.abs(signed)).sum()),
+        "p01_mm": float(p01),
+        "p05_mm": float(p05),
+        "p50_mm": float(p50),
+        "p95_mm": float(p95),
+        "p99_mm": float(p99),
+        "tolerance_mm": tolerance_mm,
+        "within": within,
+        "above": above,
+        "below": below,
+    }
 
 
-def _of_segment(number: int, signed: FloatArray, weights: FloatArray, members: BoolArray) -> SegmentDeviation:
+def _spread(signed: FloatArray, weights: FloatArray, members: BoolArray) -> dict[str, Any]:
+    """Fields of `outcome.Spread`."""
     d, w = signed[members], weights[members] / weights[members].sum()
     mean = float((w * d).sum())
-    return SegmentDeviation(
-        segment=number,
-        n=len(d),
-        mean_mm=mean,
-        sd_mm=float(np.sqrt((w * (d - mean) ** 2).sum())),
-        rms_mm=float(np.sqrt((w * d**2).sum())),
-        min_mm=float(d.min()),
-        max_mm=float(d.max()),
-    )
+    return {
+        "n": len(d),
+        "mean_mm": mean,
+        "sd_mm": float(np.sqrt((w * (d - mean) ** 2).sum())),
+        "rms_mm": float(np.sqrt((w * d**2).sum())),
+        "min_mm": float(d.min()),
+        "max_mm": float(d.max()),
+    }
 
 
 def weighted_quantiles(values: FloatArray, weights: FloatArray, q: FloatArray) -> FloatArray:

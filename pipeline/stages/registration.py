@@ -23,6 +23,7 @@ class Fit:
     truncated_rms_mm : RMS of the distances, each counted as at most the inlier distance
     """
 
+    T_design_scan: FloatArray
     closest: Closest
     moved: FloatArray
     rmse_mm: float
@@ -45,7 +46,8 @@ class ScaleFound:
 class Registration:
     """best : the final pose; rivals : other distinct poses refined to the end, by cost; fit : under the best.
 
-    rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie on the design
+    rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie on the design;
+    scan_surface : of the cleaned scan in its own frame, None of points
     """
 
     best: Pose
@@ -59,6 +61,7 @@ class Registration:
     design_coverage: float
     observability: Observability
     scale: ScaleFound
+    scan_surface: Surface | None
 
 
 def register(
@@ -87,6 +90,7 @@ def register(
         design_coverage=best.coverage,
         observability=observed(final, weights, design, inlier, limit_mm),
         scale=_scale(asked.every, design, best.T_design_scan, inlier),
+        scan_surface=asked.surface,
     )
 
 
@@ -98,6 +102,7 @@ def fit(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatAr
     inside = closest.distance <= inlier_distance_mm
     share = float(weights[inside].sum())
     return Fit(
+        T_design_scan,
         closest,
         moved,
         rmse_mm=float(np.sqrt((weights * squared).sum())),
