@@ -1,6 +1,7 @@
 """The OpenAPI document: what FastAPI finds, and what it cannot find by itself."""
 
 import json
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ DESCRIPTION = """Registers the scan of a 3D-printed part to its design, with nob
 POST two meshes, poll the job, get JSON: verdict, transform, landmarks, RMSEs, deviation, and the files behind them.
 POST one mesh for its segments and landmarks (`type` `landmarks`), or for a study of what landmarks are worth (`study`).
 Every error is an RFC 9457 problem with a stable `code`."""
+
+#: `Schema.field` -> a value out of the example documents (`python -m tests.service.field_examples`).
+FIELD_EXAMPLES: dict[str, Any] = json.loads(resources.files("service").joinpath("field_examples.json").read_text())
 
 
 def describe(app: FastAPI) -> None:
@@ -70,6 +74,10 @@ def _document(app: FastAPI) -> dict[str, Any]:
     request["examples"] = {
         name.split(".")[1]: {"value": each} for name, each in examples().items() if name.startswith("job_request.")
     }
+    for name, schema in schemas.items():
+        for field, described in schema.get("properties", {}).items():
+            if f"{name}.{field}" in FIELD_EXAMPLES:
+                described["examples"] = [FIELD_EXAMPLES[f"{name}.{field}"]]
     for unused in ("HTTPValidationError", "ValidationError"):  # ours are problems
         schemas.pop(unused, None)
     document["components"]["schemas"] = dict(sorted(schemas.items()))

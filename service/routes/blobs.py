@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 
 from service.api import UseApi
 from service.errors import NotFound
@@ -33,7 +33,7 @@ async def put_blob(
 
 
 @router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404, 429)})
-def head_blob(blob_id: str, api: UseApi, caller: Reads) -> Response:
+def head_blob(blob_id: Annotated[str, Path(description="`id` of the blob")], api: UseApi, caller: Reads) -> Response:
     """Ask whether a blob is stored, before sending it."""
     row = api.jobs.blob(blob_id, caller.tenant)
     if row is None or not api.blobs.has(blob_id):

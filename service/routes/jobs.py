@@ -7,7 +7,7 @@ from collections.abc import AsyncIterable
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
@@ -27,6 +27,8 @@ from service.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobTyp
 from service.views import files_of, job_of
 from service.webhooks import delivery_list
 
+JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
+FileName = Annotated[str, Path(description="as in the list of files", examples=["report.html"])]
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 RETRY_AFTER_S = 1
@@ -85,7 +87,7 @@ def list_jobs(
     responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404, 429)},
 )
 async def status(
-    job_id: str,
+    job_id: JobId,
     request: Request,
     api: UseApi,
     caller: Reads,
@@ -100,7 +102,7 @@ async def status(
     return conditional_json(request, job_of(row).model_dump_json(), headers)
 
 
-def _existing(job_id: str, api: UseApi, caller: Reads) -> JobRow:
+def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
     """Before the stream begins, so that a wrong id is a 404."""
     return api.job(job_id, caller)
 
@@ -111,7 +113,7 @@ def _existing(job_id: str, api: UseApi, caller: Reads) -> JobRow:
     responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
 )
 async def events(
-    job_id: str, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
+    job_id: JobId, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
 ) -> AsyncIterable[ServerSentEvent]:
     """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
     told = None
@@ -132,7 +134,7 @@ async def events(
 @router.get(
     "/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 429, 500)
 )
-def results(job_id: str, api: UseApi, caller: Reads) -> Response:
+def results(job_id: JobId, api: UseApi, caller: Reads) -> Response:
     """Get results.json; of a failed job, its problem."""
     row = api.job(job_id, caller)
     if row.status is Status.FAILED and row.error:
@@ -142,7 +144,7 @@ def results(job_id: str, api: UseApi, caller: Reads) -> Response:
 
 
 @router.get("/{job_id}/files", responses=problems(401, 403, 404, 409, 429))
-def list_files(job_id: str, api: UseApi, caller: Reads) -> FileList:
+def list_files(job_id: JobId, api: UseApi, caller: Reads) -> FileList:
     """List the files of a successful job."""
     row = api.job(job_id, caller)
     _check_successful(row)
@@ -154,7 +156,7 @@ def list_files(job_id: str, api: UseApi, caller: Reads) -> FileList:
     response_class=StreamingResponse,
     responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 409, 429)},
 )
-def download(job_id: str, name: str, api: UseApi, caller: Reads) -> Response:
+def download(job_id: JobId, name: FileName, api: UseApi, caller: Reads) -> Response:
     """Download a file of a successful job."""
     row = api.job(job_id, caller)
     _check_successful(row)
@@ -162,13 +164,13 @@ def download(job_id: str, name: str, api: UseApi, caller: Reads) -> Response:
 
 
 @router.get("/{job_id}/deliveries", responses=problems(401, 403, 404, 429))
-def list_deliveries(job_id: str, api: UseApi, caller: Reads) -> DeliveryList:
+def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
     """List the messages to the job's webhook, and how each attempt to deliver them ended."""
     return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
 
 
 @router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
-def dismiss(job_id: str, api: UseApi, caller: Writes) -> None:
+def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
     """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
     row = api.jobs.find(job_id, caller.tenant)
     if row is None:

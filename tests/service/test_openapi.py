@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 from pydantic import TypeAdapter
 
@@ -14,6 +15,7 @@ from service.job_types import JOB_TYPES
 from service.openapi import as_text
 from service.schemas import Blob, Job, JobRequest, Options, Problem, Results
 from service.settings import ServiceSettings
+from tests.service import field_examples
 
 FOLDER = Path(__file__).parents[2] / "openapi"
 MODELS: dict[str, object] = {
@@ -34,6 +36,34 @@ def descendants(base: type[Exception]) -> list[type[Exception]]:
 def test_openapi_json_is_up_to_date() -> None:
     document = create_app(ServiceSettings.model_construct()).openapi()
     assert (FOLDER / "openapi.json").read_text() == as_text(document), "run `cusp openapi`"
+
+
+def test_every_field_and_parameter_says_what_it_is_and_shows_one() -> None:
+    document = create_app(ServiceSettings.model_construct()).openapi()
+    schemas = document["components"]["schemas"]
+    fields = {
+        f"{name}.{field}": each
+        for name, schema in schemas.items()
+        for field, each in schema.get("properties", {}).items()
+    }
+    assert len(fields) > 250
+    assert not [name for name, each in fields.items() if "description" not in each]
+    # What is an object has its examples inside.
+    assert not [name for name, each in fields.items() if "examples" not in each and "$ref" not in json.dumps(each)]
+    for name, each in fields.items():
+        for example in each.get("examples", []):
+            jsonschema.validate(example, {**each, "components": document["components"]}), name
+    parameters = [
+        each for path in document["paths"].values() for way in path.values() for each in way.get("parameters", [])
+    ]
+    assert parameters and all("description" in each for each in parameters)
+
+
+def test_field_examples_are_up_to_date() -> None:
+    schemas = create_app(ServiceSettings.model_construct()).openapi()["components"]["schemas"]
+    assert json.loads(field_examples.FOUND.read_text()) == field_examples.collected(schemas), (
+        "run `python -m tests.service.field_examples`, then `cusp openapi`"
+    )
 
 
 def test_examples_are_up_to_date() -> None:
