@@ -163,9 +163,10 @@ class BlobStore:
         content = obstore.get(self._store, _file_key(job_id, attempt, name))
         return (bytes(chunk) for chunk in content.stream(min_chunk_size=CHUNK_BYTES))
 
-    def remove_results(self, job_id: str) -> None:
-        """Delete the files of every attempt of the job."""
-        for batch in obstore.list(self._store, prefix=f"results/{job_id}"):
+    def remove_results(self, job_id: str, attempt: int | None = None) -> None:
+        """Delete the files of one attempt of the job, or of all."""
+        prefix = f"results/{job_id}" if attempt is None else f"results/{job_id}/{attempt}"
+        for batch in obstore.list(self._store, prefix=prefix):
             obstore.delete(self._store, [entry["path"] for entry in batch])
 
     def clear_incoming(self, *, older_than_ms: int) -> None:

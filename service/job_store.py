@@ -10,6 +10,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session, sessionmaker
 
 from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, IdempotencyRow, JobRow, WorkerRow, check_move, now_ms
+from service.metrics import count
 from service.schemas import JobType, Problem, Status
 from service.webhooks import DeliveryRow, announce
 
@@ -112,7 +113,7 @@ class JobStore:
 
     def remove(self, job_id: str) -> bool:
         """Forget a final job but for its id, so that a second DELETE finds what it asked for."""
-        emptied = {
+        emptied: dict[str, Any] = {
             "removed_ms": self._clock_ms(),
             "files": None,
             "error": None,
@@ -156,7 +157,8 @@ class JobStore:
 
     def hand_back(self, job_id: str, attempt: int) -> bool:
         """Give up an attempt without blame (the worker is asked to stop); another attempt starts later."""
-        return self._move(job_id, Status.RUNNING, Status.ACCEPTED, JobRow.attempt == attempt, **_UNSTARTED)
+        mine = JobRow.attempt == attempt
+        return self._move(job_id, Status.RUNNING, Status.ACCEPTED, mine, counted_as="handed_back", **_UNSTARTED)
 
     def orphans(self, *, worker: str | None = None, silent_since_ms: int | None = None) -> Sequence[str]:
         """Ids of running jobs of `worker`, or whose worker was not heard of since then: ids only, for one row that cannot be
@@ -313,20 +315,44 @@ class JobStore:
         values |= {"finished_ms": self._clock_ms()}
         return self._move(job_id, Status.RUNNING, status, JobRow.attempt == attempt, **values)
 
-    def _move(self, job_id: str, before: Status, after: Status, *also: Any, **values: Any) -> bool:
+    def _move(
+        self,
+        job_id: str,
+        before: Status,
+        after: Status,
+        *also: Any,
+        counted_as: str | None = None,
+        **values: Any,
+    ) -> bool:
         check_move(before, after)
-        return self._update(job_id, JobRow.status == before, *also, status=after, **values)
+        return self._update(
+            job_id,
+            JobRow.status == before,
+            *also,
+            counted_as=counted_as or _outcome(after, values),
+            status=after,
+            **values,
+        )
 
-    def _update(self, job_id: str, *expected: Any, **values: Any) -> bool:
+    def _update(self, job_id: str, *expected: Any, counted_as: str | None = None, **values: Any) -> bool:
         with self._session.begin() as session:
             done = session.execute(
                 update(JobRow).where(JobRow.id == job_id, *expected).values(**values).returning(JobRow.id),
                 execution_options={"synchronize_session": False},
             )
             is_done = done.scalar_one_or_none() is not None
+            if is_done and counted_as is not None:
+                count(session, "cusp_jobs_ended", counted_as)
             if is_done and "status" in values and values["status"].is_final:
-                announce(session, session.get_one(JobRow, job_id), self._clock_ms())
+                announce(session, job_id, self._clock_ms())
             return is_done
+
+
+def _outcome(status: Status, values: dict[str, Any]) -> str | None:
+    """What /metrics calls the end of a job; None when this is none."""
+    if status is Status.FAILED:
+        return str(values["error"]["code"])
+    return status.value if status.is_final else None
 
 
 def _next_turn(session: Session, tenant: str) -> int:

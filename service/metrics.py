@@ -10,7 +10,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from sqlalchemy import Engine, Float, String, func, select, text
-from sqlalchemy.orm import Mapped, mapped_column, sessionmaker
+from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
 
 from service.jobs import Base, JobRow, WorkerRow, now_ms
 from service.schemas import Status
@@ -46,6 +46,11 @@ _RAISE = text(
     "INSERT INTO counters (name, label, value) VALUES (:name, :label, :value) ON CONFLICT (name, label) "
     "DO UPDATE SET value = CASE WHEN excluded.value > counters.value THEN excluded.value ELSE counters.value END"
 )
+
+
+def count(session: Session, name: str, label: str) -> None:
+    """One more, in the transaction of what is counted: never without it, and never twice."""
+    session.execute(_ADD, {"name": name, "label": label[:64], "value": 1})
 
 
 class Metrics(Collector):

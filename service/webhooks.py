@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+import structlog
 from sqlalchemy import JSON, BigInteger, Engine, Index, String, Text, select, update
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
 
 from service.jobs import Base, JobRow, new_id, now_ms
@@ -26,6 +27,7 @@ BACK_OFF_S = (5, 30, 120, 600, 1800, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3
 LEASE_MS = 60_000  # a sender that took a message and died: another may send it after this
 GONE = 410  # the receiver wants no more of it
 ROTATION_MS = 24 * 3_600_000  # so long messages are signed with the old secret too
+log = structlog.get_logger()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,30 +75,42 @@ class SecretRow(Base):
     created_ms: Mapped[int] = mapped_column(BigInteger)
 
 
-def announce(session: Session, row: JobRow, at_ms: int) -> None:
-    """In the transaction that ends a job: store the message, when its client asked for one."""
+def announce(session: Session, job_id: str, at_ms: int) -> None:
+    """In the transaction that ends a job: store the message, when its client asked for one. A row that cannot be read (of a
+    later version, or damaged) ends as well, and nobody is told.
+    """
+    try:
+        message = _message(session.get_one(JobRow, job_id), at_ms)
+    except DBAPIError:
+        raise  # the transaction is void: it must not be taken for committed
+    except Exception:
+        log.exception("the end of a job cannot be told: its row cannot be read", job_id=job_id)
+        return
+    if message is not None:
+        session.add(message)
+
+
+def _message(row: JobRow, at_ms: int) -> DeliveryRow | None:
     webhook = row.options.get("webhook")
     if webhook is None:
-        return
+        return None
     event = f"job.{row.status.value}"
     told = {
         "type": event,
         "timestamp": datetime.fromtimestamp(at_ms / 1000, UTC).isoformat().replace("+00:00", "Z"),
         "data": job_of(row).model_dump(mode="json"),
     }
-    session.add(
-        DeliveryRow(
-            id=f"msg_{new_id()}",
-            job_id=row.id,
-            tenant=row.tenant,
-            url=webhook["url"],
-            event=event,
-            body=json.dumps(told, ensure_ascii=False, separators=(",", ":")),
-            state=DeliveryState.WAITING,
-            next_ms=at_ms,
-            created_ms=at_ms,
-            attempts=[],
-        )
+    return DeliveryRow(
+        id=f"msg_{new_id()}",
+        job_id=row.id,
+        tenant=row.tenant,
+        url=webhook["url"],
+        event=event,
+        body=json.dumps(told, ensure_ascii=False, separators=(",", ":")),
+        state=DeliveryState.WAITING,
+        next_ms=at_ms,
+        created_ms=at_ms,
+        attempts=[],
     )
 
 

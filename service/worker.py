@@ -7,24 +7,25 @@ import uuid
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import structlog
-from sqlalchemy.exc import OperationalError
 
 from service import design_cache
 from service.blobs import BlobStore
 from service.design_cache import DesignCache
-from service.errors import InternalError, JobCrashed, problem_of
+from service.errors import InternalError, JobCrashed, UnknownBlob, problem_of
+from service.heartbeat import Heartbeat
 from service.job_store import JobStore
 from service.job_types import ALL_MESHES
 from service.jobs import JobRow
 from service.metrics import Metrics
 from service.options import resolve_settings
+from service.patience import DATABASE_AWAY, patiently, what_is_away
 from service.sandbox import Outcome, Sandbox, SandboxError, log_tail
-from service.schemas import Options
+from service.schemas import Options, Problem
 
-DATABASE_PATIENCE_S = 600.0
+Made = TypeVar("Made")
 log = structlog.get_logger()
 
 
@@ -102,50 +103,59 @@ class Worker:
         waited_s = (time.time() * 1000 - row.created_ms) / 1000
         log.info("job starts", type=row.type, waited_s=round(waited_s, 2))
         try:
-            outcome = self._compute(row, folder)
-            self._patiently(lambda: self._conclude(row, folder, outcome))
+            with Heartbeat(lambda: self._jobs.beat(row.id, row.attempt)) as heart:
+                self._run_beating(row, folder, heart)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _run_beating(self, row: JobRow, folder: Path, heart: Heartbeat) -> None:
+        try:
+            outcome = self._compute(row, folder, heart)
+            self._conclude(row, folder, outcome, heart)
         except SandboxError as error:
             self.broken = error
             self._stopping.set()
             self._hand_back(row)
-        except Exception:
+        except Exception as error:
+            if (away := what_is_away(error)) is not None:
+                log.warning("job handed back", away=away, reason=str(error)[:300])
+                self._hand_back(row)
+                return
             instance = f"urn:uuid:{uuid.uuid4()}"
             log.exception("worker failed", instance=instance)
             detail = f"an unforeseen error in the worker; report it with the id {instance}"
-            problem = problem_of(InternalError(detail), instance=instance)
-            self._patiently(lambda: self._jobs.fail(row.id, row.attempt, problem))
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
+            self._fail(row, problem_of(InternalError(detail), instance=instance), heart)
 
     def _hand_back(self, row: JobRow) -> bool:
-        done = self._jobs.hand_back(row.id, row.attempt)
-        if done:
+        """Without blame; False when it was not ours any more. The reaper finds it waiting without a ticket; when this worker
+        stops, `handed_back` gets theirs at once.
+        """
+        try:
+            done = self._jobs.hand_back(row.id, row.attempt)
+        except DATABASE_AWAY:
+            return False  # silent from now on: the reaper hands it on
+        if done and self._stopping.is_set():
             self.handed_back.append(row)
         return done
 
-    def _patiently(self, act: Callable[[], object]) -> None:
-        """Again and again while the database is away: a restart of it must not cost what was computed."""
-        deadline = time.monotonic() + DATABASE_PATIENCE_S
-        while True:
-            try:
-                act()
-                return
-            except OperationalError:
-                if self._stopping.is_set() or time.monotonic() > deadline:
-                    raise
-                log.warning("the database is away; trying again")
-                self._stopping.wait(1.0)
+    def _patiently(self, act: Callable[[], Made], heart: Heartbeat) -> Made:
+        return patiently(act, is_worth_it=lambda: heart.is_ours and not self._stopping.is_set())
 
-    def _compute(self, row: JobRow, folder: Path) -> Outcome:
+    def _fail(self, row: JobRow, problem: Problem, heart: Heartbeat) -> None:
+        self._patiently(lambda: self._jobs.fail(row.id, row.attempt, problem), heart)
+
+    def _compute(self, row: JobRow, folder: Path, heart: Heartbeat) -> Outcome:
         folder.mkdir(parents=True, exist_ok=True)
-        task = self._task(row, folder)
-        beat = self._jobs.beat
+        try:
+            task = self._task(row, folder, heart)
+        except UnknownBlob as error:
+            return Outcome("failed", problem_of(error), 0.0, None)
         clock = StageClock()
 
         def on_progress(stage: str, percent: float, message: str) -> None:
             clock.enter(stage, message)
-            with suppress(OperationalError):  # told again soon
-                beat(
+            with suppress(*DATABASE_AWAY):  # told again soon
+                self._jobs.beat(
                     row.id,
                     row.attempt,
                     stage=stage,
@@ -154,12 +164,7 @@ class Worker:
                 )
 
         def is_wanted() -> bool:
-            if self._stopping.is_set():
-                return False
-            try:
-                return beat(row.id, row.attempt)
-            except OperationalError:  # go on: whether the job is still ours is asked when the database is back
-                return True
+            return heart.is_ours and not self._stopping.is_set()
 
         outcome = self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
         clock.end()
@@ -168,7 +173,7 @@ class Worker:
             self._keep_design(task)
         return outcome
 
-    def _task(self, row: JobRow, folder: Path) -> dict[str, Any]:
+    def _task(self, row: JobRow, folder: Path, heart: Heartbeat) -> dict[str, Any]:
         """What `child.run` is told; the meshes are copied into the job's folder."""
         options = Options.model_validate(row.options)
         task: dict[str, Any] = {
@@ -181,7 +186,7 @@ class Worker:
         }
         for mesh, given in row.inputs.items():
             path = folder / f"{mesh}.mesh"  # never the client's file name: that is a hint, not a path
-            self._blobs.fetch(given["blob"], path)
+            self._fetch(given["blob"], path, heart, mesh)
             unit = getattr(options.units, mesh)
             task[mesh] = {"path": str(path), "filename": given["filename"], "unit": unit}
         if row.type == "registration":
@@ -189,18 +194,29 @@ class Worker:
                 row.tenant, row.inputs["design"]["blob"], task["design"], task["settings"], options.seed
             )
             task["design_cache"] = str(folder / f"{name}.npz")
-            known = self._designs.fetch(name, folder / f"{name}.npz")
+            known = self._fetch_design(name, folder / f"{name}.npz")
             log.info("design known" if known else "design new", design=row.inputs["design"]["blob"])
             task["design_known"] = known
         return task
 
-    def _count(self, row: JobRow, task: dict[str, Any], outcome: Outcome, clock: "StageClock") -> None:
-        """For /metrics. A count that cannot be made fails no job."""
-        handed_back = outcome.kind == "unwanted" and self._stopping.is_set()
-        ended = {"done": "successful", "unwanted": "handed_back" if handed_back else "dismissed"}.get(outcome.kind)
-        code = ended or (outcome.problem.code if outcome.problem else "job_crashed")
+    def _fetch(self, blob_id: str, path: Path, heart: Heartbeat, mesh: str) -> None:
         try:
-            self._metrics.add("cusp_jobs_ended", {code: 1})
+            self._patiently(lambda: self._blobs.fetch(blob_id, path), heart)
+        except FileNotFoundError as error:
+            raise UnknownBlob(f"{mesh}: the blob {blob_id} is stored here no more; send it again") from error
+
+    def _fetch_design(self, name: str, path: Path) -> bool:
+        """A cache that is away costs the analysis anew, and no job."""
+        try:
+            return self._designs.fetch(name, path)
+        except Exception:
+            log.exception("design not fetched")
+            path.unlink(missing_ok=True)  # half of it, perhaps
+            return False
+
+    def _count(self, row: JobRow, task: dict[str, Any], outcome: Outcome, clock: "StageClock") -> None:
+        """For /metrics; how jobs ended is counted by JobStore. A count that cannot be made fails no job."""
+        try:
             self._metrics.add("cusp_stage_seconds", clock.seconds)
             self._metrics.add("cusp_stage_passes", clock.passes)
             if "design_known" in task:
@@ -221,24 +237,37 @@ class Worker:
         except Exception:
             log.exception("design not kept")
 
-    def _conclude(self, row: JobRow, folder: Path, outcome: Outcome) -> None:
+    def _conclude(self, row: JobRow, folder: Path, outcome: Outcome, heart: Heartbeat) -> None:
         facts = {
             "seconds": round(outcome.seconds, 2),
             "peak_mib": outcome.peak_mib and round(outcome.peak_mib),
         }
-        if outcome.kind == "unwanted":
+        if outcome.kind == "unwanted" or not heart.is_ours:
             handed_back = self._stopping.is_set() and self._hand_back(row)
-            log.info("job handed back" if handed_back else "job dismissed", **facts)
+            log.info("job handed back" if handed_back else "job no longer wanted", **facts)
         elif outcome.kind == "failed" and outcome.problem is not None:
-            self._jobs.fail(row.id, row.attempt, outcome.problem)
+            self._fail(row, outcome.problem, heart)
             log.warning("job failed", code=outcome.problem.code, detail=outcome.problem.detail, **facts)
             if outcome.problem.status >= 500:
                 log.warning("its process said", said=log_tail(folder))
         elif not (folder / "out" / "results.json").is_file():
-            self._jobs.fail(row.id, row.attempt, problem_of(JobCrashed("the job ended without results; report it")))
+            self._fail(row, problem_of(JobCrashed("the job ended without results; report it")), heart)
             log.error("job without results", **facts)
-        elif self._jobs.succeed(row.id, row.attempt, self._blobs.publish(row.id, row.attempt, folder / "out")):
+        elif self._publish(row, folder / "out", heart):
             log.info("job successful", **facts)
         else:
-            self._blobs.remove_results(row.id)  # dismissed while it was published
-            log.info("job dismissed", **facts)
+            log.info("job no longer wanted", **facts)
+
+    def _publish(self, row: JobRow, out: Path, heart: Heartbeat) -> bool:
+        """Store the files, then have the row point to them; False when the job was not ours any more, and nothing of this
+        attempt is left. Another attempt's files are never touched: they may be the published ones.
+        """
+        files = self._patiently(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
+        if self._patiently(lambda: self._jobs.succeed(row.id, row.attempt, files), heart):
+            return True
+        # Not moved by this call. By an earlier one perhaps, whose answer was lost with the connection: ask the row.
+        now = self._patiently(lambda: self._jobs.find(row.id), heart)
+        if now is not None and now.published_attempt == row.attempt and now.removed_ms is None:
+            return True
+        self._blobs.remove_results(row.id, row.attempt)
+        return False

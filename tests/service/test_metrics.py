@@ -6,8 +6,10 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from service.errors import NotFound, problem_of
+from service.jobs import MAX_CRASHES
 from service.keys import KeyStore, Scope
 from service.metrics import COUNTERS, Metrics
+from service.reaper import Reaper
 from service.sandbox import Outcome
 from service.store import open_database
 from service.worker import StageClock
@@ -49,6 +51,26 @@ def test_jobs_are_counted_by_how_they_ended(service: Service) -> None:
     assert found["cusp_workers_alive", ""] == 0
     assert found["cusp_disk_free_bytes", ""] > 0
     assert found["cusp_designs_total", "no"] == 3
+
+
+def test_every_end_is_counted_once_and_with_its_row(service: Service) -> None:
+    """Also of jobs that no worker ended: dismissed while they wait, or given up after their workers died."""
+    service.http.delete(f"/v1/jobs/{service.submitted()}")
+    given_up = service.submitted()
+    for _ in range(MAX_CRASHES):
+        assert service.jobs.claim(given_up, "worker-1") is not None
+        Reaper(service.jobs, service.queue).at_start("worker-1")
+    dismissed = service.submitted()
+
+    def act(task: Any, on_progress: Any, is_wanted: Any) -> Outcome:
+        service.http.delete(f"/v1/jobs/{dismissed}")
+        return service.sandbox.succeed(task, on_progress, is_wanted)  # too late: it is not counted as successful
+
+    service.sandbox.act = act
+    service.worker.run(dismissed)
+    found = samples(service)
+    ended = {label: value for (name, label), value in found.items() if name == "cusp_jobs_ended_total"}
+    assert ended == {"dismissed": 2, "job_crashed": 1}
 
 
 def test_uploads_are_counted_by_format(service: Service) -> None:
