@@ -25,9 +25,11 @@ class Format(StrEnum):
 
 STL_HEADER_BYTES = 84
 STL_FACE_BYTES = 50
-_NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)(?:inity)?"
+# The API reads what strangers send by these, and `re` holds the GIL: each text can be matched in one way only, so that a
+# hostile one costs time in proportion to its length. (`\d+\.?\d*` splits a run of digits in as many ways as it is long.)
+_NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)(?:inity)?"
 _XYZ_LINE = re.compile(rb"^\s*(?:" + _NUMBER + rb")(?:[\s,;]+(?:" + _NUMBER + rb")){2,}\s*$", re.IGNORECASE)
-_OBJ_LINE = re.compile(rb"^\s*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)\s+\S", re.MULTILINE)
+_OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S", re.MULTILINE)
 
 
 def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str | None = None) -> Format:
