@@ -12,12 +12,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import obstore
 from obstore.store import LocalStore, ObjectStore, S3Store
 
 from pipeline import HEAD_BYTES
+
+if TYPE_CHECKING:
+    from obstore import ObjectMeta  # which is there for type checkers only
 
 CHUNK_BYTES = 1024 * 1024
 MEDIA_TYPES = {".ply": "application/x-ply", ".csv": "text/csv", ".glb": "model/gltf-binary"}
@@ -125,7 +128,7 @@ class BlobStore:
         """Delete the content, unless it was sent again since then."""
         key = _blob_key(blob_id)
         with suppress(FileNotFoundError):
-            if obstore.head(self._store, key)["last_modified"].timestamp() * 1000 < older_than_ms:
+            if _ms(obstore.head(self._store, key)) < older_than_ms:
                 obstore.delete(self._store, key)
 
     def fetch(self, blob_id: str, path: Path) -> None:
@@ -172,8 +175,21 @@ class BlobStore:
     def clear_incoming(self, *, older_than_ms: int) -> None:
         """Delete what uploads left that were cut off by a crash; give a time that no living upload began before."""
         for batch in obstore.list(self._store, prefix="incoming"):
-            old = [entry["path"] for entry in batch if entry["last_modified"].timestamp() * 1000 < older_than_ms]
-            obstore.delete(self._store, old)
+            obstore.delete(self._store, [entry["path"] for entry in batch if _ms(entry) < older_than_ms])
+
+    def stored(self, *, older_than_ms: int) -> Iterator[list[str]]:
+        """Ids of blobs that were sent last before then, some at a time."""
+        for batch in obstore.list(self._store, prefix="blobs", chunk_size=1000):
+            yield [f"sha256:{entry['path'].rpartition('/')[2]}" for entry in batch if _ms(entry) < older_than_ms]
+
+    def jobs_with_results(self) -> list[str]:
+        """Ids of jobs of which any file is stored, published or not."""
+        found = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
+        return [path.rpartition("/")[2] for path in found]
+
+
+def _ms(entry: "ObjectMeta") -> float:
+    return entry["last_modified"].timestamp() * 1000
 
 
 def _blob_key(blob_id: str) -> str:

@@ -44,6 +44,13 @@ class DesignCache:
             obstore.put(self._store, f"{PREFIX}/{name}", path)
             self._make_room()
 
+    def remove_older(self, before_ms: float) -> int:
+        """Delete what was made before then. Returns how many."""
+        entries = [entry for batch in obstore.list(self._store, prefix=PREFIX) for entry in batch]
+        old = [entry["path"] for entry in entries if entry["last_modified"].timestamp() * 1000 < before_ms]
+        obstore.delete(self._store, old)
+        return len(old)
+
     def _make_room(self) -> None:
         entries = [entry for batch in obstore.list(self._store, prefix=PREFIX) for entry in batch]
         too_much = sum(entry["size"] for entry in entries) - self._limit

@@ -1,18 +1,23 @@
 """Every read and write of the jobs table. Each change is one UPDATE that says what it expects to find:
 who comes second, or comes back from the dead, changes nothing and is told so."""
 
+import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
-from sqlalchemy import Engine, delete, func, select, update
-from sqlalchemy.exc import IntegrityError
+import structlog
+from sqlalchemy import Engine, Text, cast, delete, func, select, update
+from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session, sessionmaker
 
 from service.jobs import DEFAULT_TENANT, MAX_CRASHES, BlobRow, IdempotencyRow, JobRow, WorkerRow, check_move, now_ms
 from service.metrics import count
 from service.schemas import JobType, Problem, Status
 from service.webhooks import DeliveryRow, announce
+
+BLOB_ID = re.compile(r"sha256:[0-9a-f]{64}")
+log = structlog.get_logger()
 
 
 class JobStore:
@@ -84,20 +89,40 @@ class JobStore:
         label: str | None = None,
         before_id: str | None = None,
         limit: int,
-    ) -> Sequence[JobRow]:
-        """Up to `limit` of the tenant's jobs older than `before_id`, newest first (ids sort by time)."""
-        query = select(JobRow).where(JobRow.tenant == tenant, JobRow.removed_ms.is_(None))
-        query = query.order_by(JobRow.id.desc()).limit(limit)
+    ) -> tuple[Sequence[JobRow], str | None]:
+        """Up to `limit` of the tenant's jobs older than `before_id`, newest first (ids sort by time); and the `before_id` of
+        the next page, if there is one. A row that cannot be read is left out.
+        """
+        fits = [JobRow.tenant == tenant, JobRow.removed_ms.is_(None)]
         if status is not None:
-            query = query.where(JobRow.status == status)
+            fits.append(JobRow.status == status)
         if job_type is not None:
-            query = query.where(JobRow.type == job_type)
+            fits.append(JobRow.type == job_type)
         if label is not None:
-            query = query.where(JobRow.label == label)
+            fits.append(JobRow.label == label)
         if before_id is not None:
-            query = query.where(JobRow.id < before_id)
+            fits.append(JobRow.id < before_id)
+        query = select(JobRow).where(*fits).order_by(JobRow.id.desc()).limit(limit + 1)
         with self._session() as session:
-            return session.scalars(query).all()
+            try:
+                rows = session.scalars(query).all()
+                ids = [row.id for row in rows]
+            except DBAPIError:
+                raise
+            except Exception:
+                ids = list(session.scalars(query.with_only_columns(JobRow.id)))
+                rows = [row for row in map(self._readable, ids) if row is not None]
+        more = len(ids) > limit
+        return [row for row in rows if row.id != ids[-1]] if more else rows, ids[limit - 1] if more else None
+
+    def _readable(self, job_id: str) -> JobRow | None:
+        try:
+            return self.find(job_id)
+        except DBAPIError:
+            raise
+        except Exception:
+            log.exception("a job's row cannot be read; see to it in the database", job_id=job_id)
+            return None
 
     def count(self, status: Status, tenant: str | None = None) -> int:
         """How many jobs have this status; with `tenant` only theirs."""
@@ -273,20 +298,29 @@ class JobStore:
         with self._session() as session:
             return session.scalars(query.order_by(JobRow.id).limit(limit)).all()
 
-    def forget_removed(self, before_ms: int, limit: int) -> int:
-        """Delete the rows of jobs that were removed before then. Returns how many."""
+    def removed_before(self, before_ms: int, limit: int) -> Sequence[str]:
+        """Ids of jobs that were removed before then, oldest first."""
+        query = select(JobRow.id).where(JobRow.removed_ms < before_ms)
+        with self._session() as session:
+            return session.scalars(query.order_by(JobRow.id).limit(limit)).all()
+
+    def forget(self, removed: Sequence[str]) -> None:
+        """Delete the rows of removed jobs."""
         with self._session.begin() as session:
-            due = session.scalars(select(JobRow.id).where(JobRow.removed_ms < before_ms).limit(limit)).all()
-            session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(due)))
-            session.execute(delete(DeliveryRow).where(DeliveryRow.job_id.in_(due)))
-            session.execute(delete(JobRow).where(JobRow.id.in_(due)))
-        return len(due)
+            session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(removed)))
+            session.execute(delete(DeliveryRow).where(DeliveryRow.job_id.in_(removed)))
+            session.execute(delete(JobRow).where(JobRow.id.in_(removed), JobRow.removed_ms.is_not(None)))
+
+    def known_jobs(self, job_ids: Sequence[str]) -> set[str]:
+        """Those that have a row, removed or not."""
+        with self._session() as session:
+            return set(session.scalars(select(JobRow.id).where(JobRow.id.in_(job_ids))))
 
     def blobs_of_unfinished(self) -> set[str]:
-        """Ids of the meshes that waiting and running jobs need."""
-        query = select(JobRow.inputs).where(JobRow.status.in_([Status.ACCEPTED, Status.RUNNING]))
+        """Ids of the meshes that waiting and running jobs need: as text, so that no row is too odd to be looked at."""
+        query = select(cast(JobRow.inputs, Text)).where(JobRow.status.in_([Status.ACCEPTED, Status.RUNNING]))
         with self._session() as session:
-            return {given["blob"] for inputs in session.scalars(query) for given in inputs.values()}
+            return {blob_id for inputs in session.scalars(query) for blob_id in BLOB_ID.findall(inputs or "")}
 
     def blobs_before(self, before_ms: int, limit: int) -> Sequence[BlobRow]:
         """Blobs that were sent or named last before then, oldest first."""
@@ -304,10 +338,10 @@ class JobStore:
             )
             return done.scalar_one_or_none() is not None
 
-    def has_blob(self, blob_id: str) -> bool:
-        """True when any tenant has it."""
+    def known_blobs(self, blob_ids: Sequence[str]) -> set[str]:
+        """Those that any tenant has."""
         with self._session() as session:
-            return session.scalar(select(BlobRow.id).where(BlobRow.id == blob_id).limit(1)) is not None
+            return set(session.scalars(select(BlobRow.id).where(BlobRow.id.in_(blob_ids))))
 
     # --- how changes are made
 

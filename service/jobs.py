@@ -116,6 +116,14 @@ def new_id() -> str:
     return str(uuid_utils.uuid7())
 
 
+def made_ms(job_id: str) -> int | None:
+    """When an id was made, as it says itself; None when it is none of ours."""
+    try:
+        return uuid_utils.UUID(job_id).timestamp
+    except ValueError:
+        return None
+
+
 def now_ms() -> int:
     """The time as the tables have it."""
     return int(datetime.now(UTC).timestamp() * 1000)

@@ -9,7 +9,7 @@ from pathlib import Path
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
-from sqlalchemy import Engine, Float, String, func, select, text
+from sqlalchemy import Engine, Float, String, func, select, text, type_coerce
 from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
 
 from service.jobs import Base, JobRow, WorkerRow, now_ms
@@ -83,7 +83,8 @@ class Metrics(Collector):
         """See prometheus_client."""
         with self._session() as session:
             counted = session.execute(select(CounterRow.name, CounterRow.label, CounterRow.value)).all()
-            statuses = select(JobRow.status, func.count()).group_by(JobRow.status)
+            status = type_coerce(JobRow.status, String)  # a later version may have words that are unknown here
+            statuses = select(status, func.count()).group_by(status)
             by_status: dict[str, int] = {row[0]: row[1] for row in session.execute(statuses)}
             oldest = session.scalar(select(func.min(JobRow.created_ms)).where(JobRow.status == Status.ACCEPTED))
             alive = session.scalar(
@@ -99,8 +100,8 @@ class Metrics(Collector):
             peaks.add_metric([each.label], each.value)
         yield peaks
         jobs = GaugeMetricFamily("cusp_jobs", "jobs that are kept, by status", labels=["status"])
-        for status in Status:
-            jobs.add_metric([status.value], by_status.get(status, 0))
+        for word in Status:
+            jobs.add_metric([word.value], by_status.get(word.value, 0))
         yield jobs
         waited_s = 0.0 if oldest is None else max(0.0, (now_ms() - oldest) / 1000)
         yield GaugeMetricFamily("cusp_queue_oldest_seconds", "age of the job that waits longest; 0: none", waited_s)

@@ -8,10 +8,11 @@ from service.engine import Queue
 from service.errors import JobCrashed, problem_of
 from service.job_store import JobStore
 from service.jobs import MAX_CRASHES, JobRow, now_ms
+from service.patience import DATABASE_AWAY
 from service.schemas import Status
 
 LOST_AFTER_MS = 3_000  # the desk gives a job its ticket within milliseconds
-DEAD_AFTER_MS = 15_000  # a running job's heartbeat comes every 0.2 s; other machines' clocks may be some seconds off
+DEAD_AFTER_MS = 15_000  # a running job's heartbeat comes every 0.5 s; other machines' clocks may be some seconds off
 log = structlog.get_logger()
 
 
@@ -31,7 +32,7 @@ class Reaper:
         since_ms = now_ms() - DEAD_AFTER_MS
         for job_id in self._jobs.orphans(silent_since_ms=since_ms):
             if (row := self._hand_on(job_id, lambda row: (row.heartbeat_ms or 0) < since_ms)) is not None:
-                self._queue.requeue(row.id, row.turn)
+                self._requeue(row.id, row.turn)
         waiting = self._jobs.waiting_since(now_ms() - LOST_AFTER_MS)
         if not waiting:
             return
@@ -40,20 +41,31 @@ class Reaper:
             holder = tickets.get(job_id, "nobody")
             if holder is not None and holder not in alive:
                 log.warning("job had no ticket that anybody would take", job_id=job_id, holder=holder)
-                self._queue.requeue(job_id, turn)
+                self._requeue(job_id, turn)
+
+    def _requeue(self, job_id: str, turn: int) -> None:
+        """One that cannot be queued now waits for the next sweep, and holds up no other."""
+        try:
+            self._queue.requeue(job_id, turn)
+        except DATABASE_AWAY:
+            raise
+        except Exception:
+            log.exception("job not queued", job_id=job_id)
 
     def _hand_on(self, job_id: str, is_lost: Callable[[JobRow], bool]) -> JobRow | None:
         """The job, when it waits again. One whose row cannot be read stays as it is, and whoever reads the log is told."""
         try:
             row = self._jobs.find(job_id)
+            if row is None or not is_lost(row):  # another worker was faster, and runs it
+                return None
+            problem = problem_of(
+                JobCrashed(f"{MAX_CRASHES} workers died while they ran this job; report it with the job's id")
+            )
+            status = self._jobs.hand_on(row, problem)
+        except DATABASE_AWAY:
+            raise
         except Exception:
             log.exception("a job's row cannot be read; see to it in the database", job_id=job_id)
             return None
-        if row is None or not is_lost(row):  # another worker was faster, and runs it
-            return None
-        problem = problem_of(
-            JobCrashed(f"{MAX_CRASHES} workers died while they ran this job; report it with the job's id")
-        )
-        status = self._jobs.hand_on(row, problem)
         log.warning("its worker died", job_id=row.id, attempt=row.attempt, worker=row.worker, status=status)
         return row if status is Status.ACCEPTED else None

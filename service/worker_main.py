@@ -10,6 +10,7 @@ import structlog
 
 from service.addresses import Guard
 from service.blobs import BlobStore
+from service.chores import Chore
 from service.design_cache import DesignCache
 from service.engine import DbosQueue, DbosRunner
 from service.job_store import JobStore
@@ -30,6 +31,7 @@ EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
 BEAT_INTERVAL_S = 1.0
 SWEEP_INTERVAL_S = 5.0
 RETENTION_INTERVAL_S = 60.0
+LOOK_INTERVAL_S = 0.2
 STOP_TIMEOUT_S = 5.0
 log = structlog.get_logger()
 
@@ -65,13 +67,20 @@ def run_worker(settings: ServiceSettings) -> int:
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
-    retention = Retention(jobs, blobs, settings.retention_h)
-    _tend(settings.worker_id, jobs, (reaper, retention), worker, stop)
+    retention = Retention(jobs, blobs, designs, settings.retention_h)
+    alive = Chore("say that it lives", lambda: jobs.worker_beat(settings.worker_id), BEAT_INTERVAL_S).begin(stop)
+    # After a database that was away, workers that were not heard of may be heard of again: wait for them.
+    Chore("look for lost jobs", reaper.sweep, SWEEP_INTERVAL_S, DEAD_AFTER_MS / 1000).begin(stop)
+    Chore("let go what is old", retention.sweep, RETENTION_INTERVAL_S).begin(stop)
+    while worker.broken is None and not stop.wait(LOOK_INTERVAL_S):
+        pass
+    stop.set()
     in_time = worker.stop(STOP_TIMEOUT_S)
     sandbox.stop()
     runner.stop()  # before the tickets: it would take them again
     for row in worker.handed_back:
         queue.requeue(row.id, row.turn)  # for whichever worker is there
+    alive.join(BEAT_INTERVAL_S)  # a last beat would undo the next line
     jobs.worker_gone(settings.worker_id)
     log.info("worker stops", handed_back=in_time)
     if worker.broken is not None:
@@ -87,25 +96,3 @@ def _is_taken(jobs: JobStore, worker_id: str) -> bool:
         return False
     time.sleep(2.5 * BEAT_INTERVAL_S)
     return jobs.worker_heard_ms(worker_id) != heard_ms
-
-
-def _tend(
-    worker_id: str, jobs: JobStore, sweepers: tuple[Reaper, Retention], worker: Worker, stop: threading.Event
-) -> None:
-    """Until told to stop: say that this worker lives, look for lost jobs, and let go what is old."""
-    reaper, retention = sweepers
-    swept_at = let_go_at = float("-inf")
-    while worker.broken is None:
-        try:
-            jobs.worker_beat(worker_id)
-            if time.monotonic() - swept_at >= SWEEP_INTERVAL_S:
-                swept_at = time.monotonic()
-                reaper.sweep()
-            if time.monotonic() - let_go_at >= RETENTION_INTERVAL_S:
-                let_go_at = time.monotonic()
-                retention.sweep()
-        except Exception:
-            log.exception("sweep failed")  # a busy database, or one that is away; the next one does it
-            swept_at = time.monotonic() + DEAD_AFTER_MS / 1000  # workers that were not heard may be heard again
-        if stop.wait(BEAT_INTERVAL_S):
-            return

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterable
 from typing import Annotated
 from urllib.parse import quote
 
+import structlog
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
@@ -35,6 +36,7 @@ RETRY_AFTER_S = 1
 MAX_WAIT_S = 60
 REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 WAIT_LOOK_S = 0.1
+log = structlog.get_logger()
 
 
 @router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY)
@@ -75,10 +77,19 @@ def list_jobs(
     cursor: Annotated[str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")] = None,
 ) -> JobPage:
     """List jobs, newest first."""
-    rows = api.jobs.page(
-        tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit + 1
+    rows, after = api.jobs.page(
+        tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit
     )
-    return JobPage(jobs=[job_of(row) for row in rows[:limit]], next=rows[limit - 1].id if len(rows) > limit else None)
+    return JobPage(jobs=[job for row in rows if (job := _shown(row)) is not None], next=after)
+
+
+def _shown(row: JobRow) -> Job | None:
+    """None for a row that means nothing here (damaged, or of a later version): it must not hide the others."""
+    try:
+        return job_of(row)
+    except (ValueError, AttributeError, TypeError):
+        log.exception("a job is left out of a list", job_id=row.id)
+        return None
 
 
 @router.get(
@@ -176,8 +187,8 @@ def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
     if row is None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
-        if api.jobs.remove(job_id):
-            api.blobs.remove_results(job_id)
+        api.jobs.remove(job_id)
+        api.blobs.remove_results(job_id)  # also the second time: the first may have been cut off between the two
     elif not api.jobs.dismiss(job_id, row.status):
         dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
 

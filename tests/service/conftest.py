@@ -16,6 +16,7 @@ import pytest
 import structlog
 import uvicorn
 from fastapi import FastAPI
+from sqlalchemy import text
 
 from service.app import create_app
 from service.blobs import BlobStore
@@ -186,6 +187,16 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
     worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
     with serving(create_app(settings)) as address, httpx.Client(base_url=address, timeout=30) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
+    engine.dispose()
+
+
+def spoil(service: Service, job_id: str, **values: str) -> None:
+    """Damage a row by hand, as a later version or a broken disk might."""
+    engine = open_database(service.settings.database)
+    with engine.begin() as connection:
+        for column, value in values.items():
+            statement = f"UPDATE jobs SET {column} = :value WHERE id = :id"  # noqa: S608 (our own words)
+            connection.execute(text(statement), {"value": value, "id": job_id})
     engine.dispose()
 
 
