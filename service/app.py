@@ -10,6 +10,7 @@ from service import problems, version
 from service.addresses import Guard
 from service.api import Api
 from service.blobs import BlobStore
+from service.digests import DigestCheck
 from service.gunzip import Gunzip
 from service.job_store import JobStore
 from service.keys import KeyStore
@@ -54,7 +55,8 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app.router.routes.append(page.assets)
     # errors
     problems.install(app)
-    # middleware
+    # middleware, the innermost first
+    app.add_middleware(DigestCheck)
     app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(RequestLog)

@@ -68,9 +68,11 @@ class UploadWriter:
         return Upload(self._key, self._hash.hexdigest(), self._size, self._head)
 
     def abort(self) -> None:
-        """Leave nothing behind."""
-        self._writer.close()
-        obstore.delete(self._store, self._key)
+        """Leave nothing behind, as far as that can be done: what stays is swept a day later."""
+        with suppress(Exception):  # a full disk, most likely
+            self._writer.close()
+        with suppress(Exception):
+            obstore.delete(self._store, self._key)
 
 
 def open_store(url: str) -> ObjectStore:
@@ -104,9 +106,13 @@ class BlobStore:
     def receive(self, file: IO[bytes]) -> Upload:
         """Copy an open file in."""
         writer = self.writer()
-        while chunk := file.read(CHUNK_BYTES // 4):
-            writer.write(chunk)
-        return writer.finish()
+        try:
+            while chunk := file.read(CHUNK_BYTES // 4):
+                writer.write(chunk)
+            return writer.finish()
+        except BaseException:
+            writer.abort()
+            raise
 
     def keep(self, upload: Upload) -> None:
         """Store the upload under its content. The same content twice is one blob."""

@@ -3,6 +3,7 @@ in the job's own process only."""
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -14,16 +15,13 @@ from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
 from pipeline import detect_format
-from service import digests
 from service.api import Api
 from service.blobs import Upload
 from service.errors import (
-    BadRequest,
     IdempotencyMismatch,
     InvalidRequest,
     PayloadTooLarge,
     QueueFull,
-    ServiceError,
     TenantQueueFull,
     UnknownBlob,
     UnsupportedMediaType,
@@ -31,7 +29,7 @@ from service.errors import (
 from service.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
 from service.jobs import JobRow, new_id
 from service.keys import Caller
-from service.options import check_webhook, invalid_request, parse_options
+from service.options import check_webhook, invalid_request, parse_options, read_json
 from service.schemas import (
     Blob,
     BlobRef,
@@ -83,9 +81,9 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "multipart/form-data":
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
-            wanted = await run_in_threadpool(_from_form, api, caller, form)
+            wanted = await run_in_threadpool(_from_form, api, caller, form, key)
     elif kind == "application/json":
-        wanted = await run_in_threadpool(_from_json, api, caller, await _body(request))
+        wanted = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
     else:
         raise UnsupportedMediaType(
             f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
@@ -95,24 +93,19 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
 
 async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
     """Stream a request's body into a blob."""
-    writer = api.blobs.writer()
+    writer = await run_in_threadpool(api.blobs.writer)
     try:
         async for chunk in request.stream():
             if chunk:
                 await run_in_threadpool(writer.write, chunk)
+        upload = await run_in_threadpool(writer.finish)
     except BaseException:
-        writer.abort()
-        raise
-    upload = await run_in_threadpool(writer.finish)
-    try:
-        digests.check(request.headers.get("content-digest"), upload.sha256)
-    except ServiceError:
-        await run_in_threadpool(api.blobs.discard, upload)
+        await run_in_threadpool(writer.abort)
         raise
     return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
-def _from_form(api: Api, caller: Caller, form: FormData) -> Wanted:
+def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Wanted:
     job_type = parse_type(_text(form, "type", "registration"))
     given = sorted({name for name, _ in form.multi_items()})
     check_meshes(job_type, given)
@@ -124,17 +117,14 @@ def _from_form(api: Api, caller: Caller, form: FormData) -> Wanted:
     check_options(job_type, options)
     check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
-    _check_room(api, caller)
-    blobs = _keep(api, caller, {source.name: (api.blobs.receive(source.file), source.filename) for source in sources})
+    _check_room(api, caller, key)
+    blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
     return Wanted(job_type, inputs, options)
 
 
-def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
-    try:
-        given = json.loads(body)
-    except ValueError as error:
-        raise BadRequest(f"the body is not JSON: {error}") from error
+def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Wanted:
+    given = read_json(body, "the body")
     if not isinstance(given, dict):
         raise InvalidRequest("the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")])
     job_type = parse_type(given.get("type", "registration"))
@@ -150,7 +140,7 @@ def _from_json(api: Api, caller: Caller, body: bytes) -> Wanted:
     for name, ref in inputs.items():
         if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
-    _check_room(api, caller)
+    _check_room(api, caller, key)
     return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
@@ -189,8 +179,7 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
             for name, (upload, filename) in uploads.items()
         }
     except BaseException:
-        for upload, _ in uploads.values():
-            api.blobs.discard(upload)
+        _discard(api, uploads)
         raise
     blobs = {}
     for name, (upload, _) in uploads.items():
@@ -200,6 +189,23 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
         api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
         blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
     return blobs
+
+
+def _received(api: Api, sources: list[Source]) -> dict[str, tuple[Upload, str | None]]:
+    uploads: dict[str, tuple[Upload, str | None]] = {}
+    try:
+        for source in sources:
+            uploads[source.name] = (api.blobs.receive(source.file), source.filename)
+    except BaseException:
+        _discard(api, uploads)
+        raise
+    return uploads
+
+
+def _discard(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> None:
+    for upload, _ in uploads.values():
+        with suppress(Exception):  # swept later; what went wrong first is told
+            api.blobs.discard(upload)
 
 
 def _source(form: FormData, name: str) -> Source:
@@ -223,7 +229,10 @@ def _text(form: FormData, name: str, default: str) -> str:
         raise wrong_part(name, "must be UTF-8 text") from error
 
 
-def _check_room(api: Api, caller: Caller) -> None:
+def _check_room(api: Api, caller: Caller, key: str | None) -> None:
+    """A request that is sent again starts nothing: it is answered however full the queue is."""
+    if key is not None and api.jobs.knows_key(caller.tenant, key):
+        return
     if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
         raise TenantQueueFull(
             f"{api.settings.tenant_queue_limit} jobs of yours wait already; send it again when some are done"

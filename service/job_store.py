@@ -54,6 +54,13 @@ class JobStore:
             return self._known(row, key, request_sha256)
         return row
 
+    def knows_key(self, tenant: str, key: str) -> bool:
+        """True when the client's key stands for a job that is still there."""
+        known = (IdempotencyRow.tenant == tenant, IdempotencyRow.key == key, JobRow.removed_ms.is_(None))
+        query = select(JobRow.id).join(IdempotencyRow, IdempotencyRow.job_id == JobRow.id).where(*known)
+        with self._session() as session:
+            return session.scalar(query.limit(1)) is not None
+
     def _known(self, row: JobRow, key: str, request_sha256: str) -> JobRow | None:
         with self._session.begin() as session:
             known = session.get_one(IdempotencyRow, (row.tenant, key))

@@ -24,6 +24,9 @@ Every error is an RFC 9457 problem with a stable `code`."""
 FIELD_EXAMPLES: dict[str, Any] = json.loads(resources.files("service").joinpath("field_examples.json").read_text())
 
 
+WITHOUT_DATABASE = ("/livez", "/version")
+
+
 def describe(app: FastAPI) -> None:
     """Have `app.openapi()` answer the whole document."""
 
@@ -63,8 +66,10 @@ def _document(app: FastAPI) -> dict[str, Any]:
         own = model.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas |= own.pop("$defs", {})
         schemas[model.__name__] = own
-    for operation in (each for path in document["paths"].values() for each in path.values()):
+    for path, operation in ((path, each) for path, ways in document["paths"].items() for each in ways.values()):
         answers = operation["responses"]
+        if path not in WITHOUT_DATABASE:
+            answers.setdefault("503", problems(503)[503])  # it may be away for a while, whatever is asked
         if "application/json" in answers.get("422", {}).get("content", {}):
             answers["422"] = problems(422)[422]
         for status, answer in answers.items():

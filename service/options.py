@@ -20,7 +20,7 @@ def parse_options(given: object) -> Options:
     InvalidOptions, BadRequest
     """
     if isinstance(given, str | bytes):
-        given = _decode(given)
+        given = read_json(given, "options")
     if not isinstance(given, dict):
         raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
     try:
@@ -68,11 +68,14 @@ def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem
     return items
 
 
-def _decode(text: str | bytes) -> Any:
+def read_json(text: str | bytes, what: str) -> Any:
+    """What JSON text says. Raises BadRequest."""
     try:
         return json.loads(text)
     except ValueError as error:
-        raise BadRequest(f"options: not JSON ({error}); send a JSON object") from error
+        raise BadRequest(f"{what}: not JSON ({error}); send a JSON object") from error
+    except RecursionError:
+        raise BadRequest(f"{what}: JSON that is nested too deeply; send a JSON object") from None
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str, Any]:

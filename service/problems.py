@@ -8,6 +8,7 @@ import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline import PipelineError
@@ -17,10 +18,12 @@ from service.errors import (
     InvalidRequest,
     MethodNotAllowed,
     NotFound,
+    NotReady,
     ServiceError,
     Unauthorized,
     problem_of,
 )
+from service.patience import what_is_away
 from service.schemas import Problem, ProblemItem
 
 MEDIA_TYPE = "application/problem+json"
@@ -45,6 +48,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(ServiceError, _on_own_error)
     app.add_exception_handler(PipelineError, _on_own_error)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
+    app.add_exception_handler(ClientDisconnect, _on_disconnect)
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_middleware(CatchAll)
 
@@ -92,6 +96,12 @@ def _on_invalid_request(_: Request, error: Exception) -> Response:
     return problem_response(problem_of(InvalidRequest(detail, errors=items)))
 
 
+def _on_disconnect(request: Request, _: Exception) -> Response:
+    """The client went away within its request: nobody reads this answer, and nobody made a mistake."""
+    log.info("client went away", path=request.url.path)
+    return problem_response(problem_of(BadRequest("the connection was closed before the end of the request")))
+
+
 def _on_http_exception(request: Request, error: Exception) -> Response:
     """What Starlette raises itself: no route, no method, a body that cannot be parsed."""
     assert isinstance(error, HTTPException)  # noqa: S101 (tells the type checker)
@@ -108,7 +118,10 @@ def _on_http_exception(request: Request, error: Exception) -> Response:
 
 
 def _on_anything_else(request: Request, error: Exception) -> Response:
-    """A mistake of ours: the client gets an id, the log gets the stack under that id."""
+    """What is away for a while is said so. All else is a mistake of ours: the client gets an id, the log the stack under it."""
+    if (away := what_is_away(error)) is not None:
+        log.warning("not ready", away=away, path=request.url.path, reason=str(error).splitlines()[0][:300])
+        return _on_own_error(request, NotReady(f"{away}; send it again later"))
     instance = f"urn:uuid:{uuid.uuid4()}"
     log.error("unforeseen", instance=instance, path=request.url.path, exc_info=error)
     detail = f"an unforeseen error; the service goes on. Report it with the id {instance}"

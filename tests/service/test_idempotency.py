@@ -83,3 +83,19 @@ def test_a_key_that_is_none_is_refused(service: Service, key: str) -> None:
     answer = post(service, key)
     assert (answer.status_code, answer.json()["code"]) == (422, "invalid_request")
     assert service.waiting == []
+
+
+def test_a_request_that_is_sent_again_is_answered_though_the_queue_is_full(service: Service) -> None:
+    first = [post(service, f"order-{number}").json()["id"] for number in range(service.settings.queue_limit)]
+    blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"}).json()["id"]
+    ref = {"blob": blob, "filename": "a.obj"}
+    assert post(service, "order-0").json()["id"] == first[0]
+    again = service.http.post("/v1/jobs", json={"design": ref, "scan": ref}, headers={"Idempotency-Key": "order-1"})
+    assert again.json()["id"] == first[1]
+    for key, status, code in (("order-new", 503, "queue_full"), ("order-0", 422, "idempotency_mismatch")):
+        answer = post(service, key, '{"seed": 5}')
+        assert (answer.status_code, answer.json()["code"]) == (status, code)
+    service.worker.run(first[0])
+    service.http.delete(f"/v1/jobs/{first[0]}")
+    post(service, "order-7")
+    assert post(service, "order-0").json()["code"] == "queue_full"  # its job is gone: this would start another
