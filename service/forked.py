@@ -18,13 +18,14 @@ from service.errors import JobCrashed, JobOutOfMemory, ServiceError, problem_of
 NICE = 10  # the API answers first
 MIN_PROGRESS_INTERVAL_S = 0.05
 MIB = 1024 * 1024
+MIN_FILE_LIMIT_BYTES = 1024 * MIB  # a file of results may be larger than a small limit of memory
 
 
 def main(target: ModuleType, order: dict[str, Any], report_fd: int, close: list[int]) -> NoReturn:
     """Never returns: whatever happens here must not unwind into the zygote's loop."""
     code = 1
     try:
-        _fence(Path(order["task"]["folder"]), order["memory_limit_bytes"], close)
+        _fence(Path(order["folder"]), order["memory_limit_bytes"], close)
         code = _work(target, order, Report(report_fd))
     finally:
         os._exit(code)
@@ -65,6 +66,8 @@ def _fence(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
     os.nice(NICE)
     process.offer_to_oom_killer()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    largest_file = max(memory_limit_bytes, MIN_FILE_LIMIT_BYTES)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))  # the disk is everybody's
     # The limit that counts is resident memory, watched by the zygote: thread stacks, allocator arenas and mapped
     # libraries reserve gigabytes of addresses they never touch. This one stops what grows faster than the watch.
     process.limit_address_space(2 * memory_limit_bytes)
@@ -77,7 +80,8 @@ def _fence(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
 
 def _work(target: ModuleType, order: dict[str, Any], report: Report) -> int:
     try:
-        target.run(order["task"], report.progress)
+        task = json.loads(Path("task.json").read_bytes())  # of the job's folder, where we are
+        target.run(task, report.progress)
     except MemoryError:
         limit_mib = order["memory_limit_bytes"] // MIB
         return _give_up(report, JobOutOfMemory(out_of_memory_detail(limit_mib)))

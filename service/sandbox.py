@@ -5,6 +5,7 @@ The children are forked by a zygote (`zygote.py`); this is the worker's side of 
 
 import json
 import os
+import re
 import select
 import socket
 import subprocess
@@ -30,10 +31,17 @@ STOP_GRACE_S = 2.0
 KILL_GRACE_S = 5.0  # a killed child is gone in milliseconds; after this the zygote itself is taken for dead
 log = structlog.get_logger()
 
+TASK_FILE = "task.json"  # in the job's folder: an order on the socket has to fit into one packet
+MAX_LINE_BYTES = 1024 * 1024  # of what a child tells; beyond, it is not one of ours that talks
+
 ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }  # before the imports: a fork needs one thread
+#: What the processes that read strangers' meshes get of our environment. Passwords and keys are there under any name, so
+#: that only what is known to be needed is passed on.
+KEPT = {"PATH", "HOME", "LANG", "LANGUAGE", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV", "MPLCONFIGDIR"}
+KEPT_FAMILIES = re.compile(r"(LC|PYTHON|XDG|FONTCONFIG|OPENBLAS|OMP|MALLOC|LIBGL|MESA)\w*|\w+_NUM_THREADS")
 
 
 class SandboxError(Exception):
@@ -97,16 +105,21 @@ class Sandbox:
                 self._zygote = None
 
     def run(self, key: str, task: dict[str, Any], on_progress: OnProgress, is_wanted: Callable[[], bool]) -> Outcome:
-        """Run one job to its end, whatever that is. `task["folder"]` must exist; `child.log` is written there.
+        """Run one job to its end, whatever that is. `task["folder"]` must exist; `child.log` and the task are written there.
 
         `is_wanted` is asked every LOOK_INTERVAL_S; the process group is killed once it says no.
         """
         self.start()
         zygote = self._zygote
         read_fd, write_fd = os.pipe()
-        order = {"start": key, "task": task, "memory_limit_bytes": self._limits.memory_mib * 1024 * 1024}
+        order = {
+            "start": key,
+            "folder": task["folder"],
+            "memory_limit_bytes": self._limits.memory_mib * 1024 * 1024,
+        }
         try:
             try:
+                Path(task["folder"], TASK_FILE).write_text(json.dumps(task))
                 self._send(order, [write_fd])
             finally:
                 os.close(write_fd)
@@ -193,7 +206,7 @@ class Sandbox:
             self._zygote = subprocess.Popen(  # noqa: S603 (our own module)
                 [sys.executable, "-m", "service.zygote", str(theirs.fileno()), self._target],
                 pass_fds=[theirs.fileno()],
-                env={**os.environ, **ONE_THREAD},
+                env={**kept_environment(), **ONE_THREAD},
                 stdin=subprocess.DEVNULL,
                 stdout=self._said,
                 stderr=self._said,
@@ -241,11 +254,17 @@ class _Lines:
         chunk = os.read(self._fd, 65536)
         self.closed = not chunk
         *lines, self._partial = (self._partial + chunk).split(b"\n")
+        self._partial = self._partial[-MAX_LINE_BYTES:]
         for line in lines:
             with suppress(ValueError):  # what a dying child left of a line
                 event = json.loads(line)
                 if isinstance(event, dict) and "event" in event:
                     yield event
+
+
+def kept_environment() -> dict[str, str]:
+    """Ours without what is not known to be harmless."""
+    return {name: value for name, value in os.environ.items() if name in KEPT or KEPT_FAMILIES.fullmatch(name)}
 
 
 def log_tail(folder: Path, length: int = 4000) -> str:

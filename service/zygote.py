@@ -2,10 +2,10 @@
 
     python -m service.zygote FD TARGET
 
-FD is a socket (SOCK_SEQPACKET) to the worker. It takes {"start": key, "task", "memory_limit_bytes"} together with
-the write end of a pipe, and {"kill": key}. On that pipe the worker hears JSON lines: "started" from here,
-"progress", "problem" or "done" from the child, and last "ended" from here. When the socket closes (the worker
-ended, however), every child is killed and this process ends.
+FD is a socket (SOCK_SEQPACKET) to the worker. It takes {"start": key, "folder", "memory_limit_bytes"} together with
+the write end of a pipe, and {"kill": key}; what the job is about is in the file task.json of its folder. On that pipe the
+worker hears JSON lines: "started" from here, "progress", "problem" or "done" from the child, and last "ended" from here.
+When the socket closes (the worker ended, however), every child is killed and this process ends.
 """
 
 import gc
@@ -17,6 +17,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from types import ModuleType
@@ -25,7 +26,8 @@ from typing import Any
 from service import forked, process
 
 WATCH_INTERVAL_S = 0.05  # how often the memory of children is looked at
-MESSAGE_BYTES = 1024 * 1024
+MESSAGE_BYTES = 64 * 1024
+RUNAWAY_TIMEOUT_S = 2.0  # a killed process is gone in milliseconds, unless the kernel holds it
 
 
 @dataclass(slots=True)
@@ -118,10 +120,20 @@ class Zygote:
                 os.close(child.report_fd)
 
     def _kill_runaways(self) -> None:
-        """Kill what a job left behind in a group of its own; being a subreaper, it is our child now."""
-        for pid in process.children_of(os.getpid()):
-            if pid not in self._children:
+        """Kill what a job left behind in groups of its own; being a subreaper, it is our child now. Each that ends makes its
+        own children ours, so until none is left.
+        """
+        deadline = time.monotonic() + RUNAWAY_TIMEOUT_S
+        while time.monotonic() < deadline:
+            left = [pid for pid in process.children_of(os.getpid()) if pid not in self._children]
+            if not left:
+                return
+            for pid in left:
                 process.kill_process(pid)
+            for pid in left:
+                with suppress(ChildProcessError):
+                    os.waitpid(pid, os.WNOHANG)
+            time.sleep(0.001)
 
     def _watch_memory(self) -> None:
         for child in self._children.values():
@@ -132,6 +144,7 @@ class Zygote:
     def _kill_all(self) -> None:
         for child in self._children.values():
             process.kill_group(child.pid)
+        self._children.clear()  # now they are runaways as well
         self._kill_runaways()
 
 

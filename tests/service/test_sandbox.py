@@ -57,6 +57,8 @@ def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
         ("raises", "job_crashed", "ZeroDivisionError"),
         ("memory_hog", "job_out_of_memory", "300 MiB"),
         ("giant_allocation", "job_out_of_memory", "300 MiB"),
+        ("fills_the_disk", "job_crashed", "OSError"),
+        ("talks_nonsense", "job_crashed", "code 0"),
         ("refuses", "truncated_file", "scan: the file ends in the middle of a triangle"),
     ],
 )
@@ -94,10 +96,81 @@ def test_an_unwanted_job_is_killed_within_three_seconds(make: Make, tmp_path: Pa
 
 
 @pytest.mark.parametrize("stay", [True, False])
-def test_nothing_a_job_started_outlives_it(make: Make, tmp_path: Path, stay: bool) -> None:
-    run(make("grandchild"), tmp_path, wanted=lambda: not (tmp_path / "pids.json").exists(), stay=stay)
+@pytest.mark.parametrize("target", ["grandchild", "great_grandchildren"])
+def test_nothing_a_job_started_outlives_it(make: Make, tmp_path: Path, target: str, stay: bool) -> None:
+    run(make(target), tmp_path, wanted=lambda: not (tmp_path / "pids.json").exists(), stay=stay)
     pids = json.loads((tmp_path / "pids.json").read_text())
     wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_nothing_outlives_the_worker(make: Make, tmp_path: Path) -> None:
+    sandbox = make("great_grandchildren")
+    thread = threading.Thread(target=lambda: run(sandbox, tmp_path, stay=True))
+    thread.start()
+    wait_until(lambda: (tmp_path / "pids.json").exists())
+    sandbox.stop()
+    thread.join(10)
+    pids = json.loads((tmp_path / "pids.json").read_text())
+    assert len(pids) == 4
+    wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_a_job_gets_neither_our_passwords_nor_our_keys(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("CUSP_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD", "MY_TOKEN", "HTTPS_PROXY", "LD_PRELOAD_"):
+        monkeypatch.setenv(name, "secret")
+    monkeypatch.setenv("LC_ALL", "C.UTF-8")
+    assert run(make("shows_environment"), tmp_path).kind == "done"
+    given = json.loads((tmp_path / "given.json").read_text())
+    assert "secret" not in given["environment"].values()
+    assert given["environment"]["LC_ALL"] == "C.UTF-8"
+    assert given["environment"]["OPENBLAS_NUM_THREADS"] == "1"
+    assert given["environment"]["PATH"] == os.environ["PATH"]
+    assert given["largest_file"] == 1 << 30
+
+
+def test_a_task_may_be_as_large_as_a_request(make: Make, tmp_path: Path) -> None:
+    """A packet of the socket holds some 200 KB."""
+    words = "ä" * 2_000_000
+    assert run(make("shows_environment"), tmp_path, words=words).kind == "done"
+    assert json.loads((tmp_path / "given.json").read_text())["task"]["words"] == words
+
+
+@pytest.mark.parametrize(
+    ("misbehave", "code"),
+    [
+        ("segfault", "job_crashed"),
+        ("exits", "job_crashed"),
+        ("raises", "job_crashed"),
+        ("hangs_with_gil", "unwanted"),
+        ("memory_hog", "job_out_of_memory"),
+        ("giant_allocation", "job_out_of_memory"),
+        ("great_grandchildren", "job_crashed"),
+        ("fills_the_disk", "job_crashed"),
+        ("talks_nonsense", "job_crashed"),
+    ],
+)
+def test_a_neighbour_of_a_job_that_misbehaves_runs_on(make: Make, tmp_path: Path, misbehave: str, code: str) -> None:
+    sandbox = make("any_of_them")
+    good, bad = tmp_path / "good", tmp_path / "bad"
+    good.mkdir()
+    bad.mkdir()
+    outcomes: list[Outcome] = []
+
+    def run_good() -> None:
+        task = {"folder": str(good), "misbehave": "slow"}
+        outcomes.append(sandbox.run("good", task, lambda *_: None, lambda: True))
+
+    thread = threading.Thread(target=run_good)
+    thread.start()
+    wait_until(lambda: (good / "child.log").exists())
+    outcome = run(sandbox, bad, misbehave=misbehave, wanted=lambda: code != "unwanted")
+    assert (outcome.problem.code if outcome.problem else outcome.kind) == code
+    assert outcomes == []
+    (good / "go").touch()
+    thread.join(10)
+    assert [each.kind for each in outcomes] == ["done"]
 
 
 def test_a_killed_zygote_fails_its_jobs_and_is_replaced(make: Make, tmp_path: Path) -> None:

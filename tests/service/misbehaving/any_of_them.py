@@ -1,0 +1,11 @@
+"""Does what the task says: another one of these, by its name."""
+
+import importlib
+
+
+def preload() -> None:
+    """Nothing to import."""
+
+
+def run(task, on_progress) -> None:
+    importlib.import_module(task["misbehave"]).run(task, on_progress)
