@@ -3,12 +3,14 @@
 `check_url` judges what a client sends, `check` the very address that `post.py` then connects to.
 """
 
+import socket
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from urllib.parse import urlsplit
 
 Network = IPv4Network | IPv6Network
-_NAT64 = IPv6Network("64:ff9b::/96")
+_NAT64 = IPv6Network("64:ff9b::/96")  # how IPv4 is reached where there is only IPv6: judged by the address within
+_GLOBAL_UNICAST = IPv6Network("2000::/3")  # all else of IPv6 is local, reserved, or another way to write IPv4
 
 
 class ForbiddenAddress(Exception):
@@ -39,24 +41,41 @@ class Guard:
             raise ForbiddenAddress("must not hold a user name or a password")
         if not url.isascii() or any(each <= " " or each == "\x7f" for each in url):
             raise ForbiddenAddress("must be plain ASCII without spaces; encode the rest with %")
-        try:
-            address = ip_address(host)
-        except ValueError:
-            if host == "localhost" or host.endswith(".localhost"):
-                self.check("localhost", ip_address("127.0.0.1"))
-            return  # a name: judged when it is looked up
-        self.check(host, address)
+        name = host.removesuffix(".")
+        if name == "localhost" or name.endswith(".localhost"):
+            self.check("localhost", ip_address("127.0.0.1"))
+        if (address := _written(name)) is not None:
+            self.check(host, address)
+        # else a name: judged when it is looked up
 
     def check(self, host: str, address: IPv4Address | IPv6Address) -> None:
         """Raise ForbiddenAddress unless the address is public or allowed."""
         for each in (address, *_within(address)):
             if any(each.version == network.version and each in network for network in self.allowed):
                 continue
-            if not each.is_global or each.is_multicast:
+            if not _is_public(each):
                 raise ForbiddenAddress(
                     f"{host} is not a public address ({each}); whoever runs the service can allow its network by "
                     "CUSP_WEBHOOK_NETWORKS"
                 )
+
+
+def _written(host: str) -> IPv4Address | IPv6Address | None:
+    """The address that a host is, also in the old ways of writing IPv4 (127.1, 2130706433, 0x7f.1); None for a name."""
+    try:
+        return ip_address(host)
+    except ValueError:
+        pass
+    try:
+        return IPv4Address(socket.inet_aton(host))
+    except OSError:
+        return None
+
+
+def _is_public(address: IPv4Address | IPv6Address) -> bool:
+    if isinstance(address, IPv6Address) and address not in _GLOBAL_UNICAST:
+        return address in _NAT64
+    return address.is_global and not address.is_multicast
 
 
 def _within(address: IPv4Address | IPv6Address) -> list[IPv4Address]:

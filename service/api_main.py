@@ -1,5 +1,7 @@
 """The API process."""
 
+import os
+
 import uvicorn
 
 from service.app import create_app
@@ -19,6 +21,8 @@ def run_api(settings: ServiceSettings) -> int:
             log_config=None,  # ours is set up already
             access_log=settings.log_level == "debug",
             server_header=False,
+            # Whoever reaches the port may claim to be anybody: `X-Forwarded-For` is read only where uvicorn is told whom to trust.
+            proxy_headers="FORWARDED_ALLOW_IPS" in os.environ,
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=STOP_TIMEOUT_S,
         )

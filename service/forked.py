@@ -16,6 +16,7 @@ from service import process
 from service.errors import JobCrashed, JobOutOfMemory, ServiceError, problem_of
 
 NICE = 10  # the API answers first
+TASK_FILE = "task.json"  # in the job's folder: an order on the zygote's socket has to fit into one packet
 MIN_PROGRESS_INTERVAL_S = 0.05
 MIB = 1024 * 1024
 MIN_FILE_LIMIT_BYTES = 1024 * MIB  # a file of results may be larger than a small limit of memory
@@ -80,7 +81,7 @@ def _fence(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
 
 def _work(target: ModuleType, order: dict[str, Any], report: Report) -> int:
     try:
-        task = json.loads(Path("task.json").read_bytes())  # of the job's folder, where we are
+        task = json.loads(Path(TASK_FILE).read_bytes())  # of the job's folder, where we are
         target.run(task, report.progress)
     except MemoryError:
         limit_mib = order["memory_limit_bytes"] // MIB

@@ -10,6 +10,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from service.api import UseApi
 from service.errors import Forbidden, Unauthorized
 from service.keys import ANYBODY, Caller, Scope
+from service.origins import check_origin
 
 _bearer = HTTPBearer(
     auto_error=False,
@@ -24,6 +25,7 @@ def _who(
     address = request.client.host if request.client else "unknown"
     if not api.keys.are_asked_for():
         api.rates.count(address)
+        check_origin(request, allow_open=api.settings.allow_open)
         return ANYBODY
     caller = None if given is None else api.keys.caller(given.credentials)
     api.rates.count(address if caller is None else f"key {caller.key_id}")

@@ -25,11 +25,17 @@ def parse_options(given: object) -> Options:
         raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
     try:
         options = Options.model_validate(given)
-        resolve_settings(options)
+        settings = resolve_settings(options)
     except ValidationError as error:
         prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
         items = problem_items(error, prefix)
         raise InvalidOptions(_sentence(items), errors=items) from error
+    if len(set(settings.study.detectors)) < len(settings.study.detectors):
+        where = (
+            "study" if options.study is not None and "detectors" in options.study.model_fields_set else "settings/study"
+        )
+        item = _item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
+        raise InvalidOptions(_sentence([item]), errors=[item])
     return options
 
 

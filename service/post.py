@@ -8,7 +8,9 @@ import socket
 import ssl
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import Any
 from urllib.parse import urlsplit
 
 import certifi
@@ -18,12 +20,59 @@ from service import version
 from service.addresses import ForbiddenAddress, Guard
 from service.webhooks import Answer
 
-TIMEOUT_S = 10.0  # to connect, and for each read
+TIMEOUT_S = 10.0  # to connect to an address, and for each read
+TOTAL_S = 40.0  # for all together: well below `webhooks.LEASE_MS`, after which another sender would send it as well
 MAX_RETRY_AFTER_S = 24 * 3600
 
 
+@dataclass(frozen=True, slots=True)
+class Deadline:
+    """A moment after which a receiver that still says something, byte by byte, is left."""
+
+    at: float  # of time.monotonic
+
+    def left(self, at_most: float | None) -> float:
+        """Seconds. Raises httpcore.ReadTimeout when none is left."""
+        left = self.at - time.monotonic()
+        if left <= 0:
+            raise httpcore.ReadTimeout(f"no answer within {TOTAL_S:g} s")
+        return left if at_most is None else min(left, at_most)
+
+
+class HastyStream(httpcore.NetworkStream):
+    """A connection that ends at a deadline, whatever comes."""
+
+    def __init__(self, stream: httpcore.NetworkStream, deadline: Deadline) -> None:
+        self._stream, self._deadline = stream, deadline
+
+    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
+        """See httpcore."""
+        return self._stream.read(max_bytes, self._deadline.left(timeout))
+
+    def write(self, buffer: bytes, timeout: float | None = None) -> None:
+        """See httpcore."""
+        self._stream.write(buffer, self._deadline.left(timeout))
+
+    def close(self) -> None:
+        """See httpcore."""
+        self._stream.close()
+
+    def start_tls(
+        self, ssl_context: ssl.SSLContext, server_hostname: str | None = None, timeout: float | None = None
+    ) -> httpcore.NetworkStream:
+        """See httpcore."""
+        secure = self._stream.start_tls(ssl_context, server_hostname, self._deadline.left(timeout))
+        return HastyStream(secure, self._deadline)
+
+    def get_extra_info(self, info: str) -> Any:
+        """See httpcore."""
+        return self._stream.get_extra_info(info)
+
+
 class GuardedBackend(httpcore.NetworkBackend):
-    """httpcore's way to a socket, with the guard between name and connection."""
+    """httpcore's way to a socket, with the guard between name and connection. Each connection is used once, so its deadline
+    is the request's.
+    """
 
     def __init__(self, guard: Guard) -> None:
         self._guard = guard
@@ -37,7 +86,8 @@ class GuardedBackend(httpcore.NetworkBackend):
         local_address: str | None = None,
         socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
     ) -> httpcore.NetworkStream:
-        """Look the name up, judge every answer, connect to the first."""
+        """Look the name up, judge every answer, connect to the first that takes us."""
+        deadline = Deadline(time.monotonic() + TOTAL_S)
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError) as error:
@@ -45,7 +95,15 @@ class GuardedBackend(httpcore.NetworkBackend):
         addresses = [str(each[4][0]) for each in found]
         for address in addresses:
             self._guard.check(host, ip_address(address.partition("%")[0]))
-        return self._sockets.connect_tcp(addresses[0], port, timeout, local_address, socket_options)
+        refused: Exception = httpcore.ConnectError(f"{host} has no address")
+        for address in dict.fromkeys(addresses):
+            try:
+                seconds = deadline.left(timeout)
+                stream = self._sockets.connect_tcp(address, port, seconds, local_address, socket_options)
+                return HastyStream(stream, deadline)
+            except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
+                refused = error
+        raise refused
 
     def sleep(self, seconds: float) -> None:
         """See httpcore."""

@@ -23,6 +23,7 @@ import structlog
 
 from service import process
 from service.exits import explain_exit
+from service.forked import TASK_FILE
 from service.schemas import Problem
 
 READY_TIMEOUT_S = 120.0  # importing takes two seconds; a cold disk longer
@@ -31,7 +32,6 @@ STOP_GRACE_S = 2.0
 KILL_GRACE_S = 5.0  # a killed child is gone in milliseconds; after this the zygote itself is taken for dead
 log = structlog.get_logger()
 
-TASK_FILE = "task.json"  # in the job's folder: an order on the socket has to fit into one packet
 MAX_LINE_BYTES = 1024 * 1024  # of what a child tells; beyond, it is not one of ours that talks
 
 ONE_THREAD = {

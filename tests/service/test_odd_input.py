@@ -109,3 +109,13 @@ def test_a_client_that_goes_away_is_no_mistake_of_ours(service: Service, capsys:
 def test_a_body_of_json_is_not_taken_for_text_of_another_kind(service: Service) -> None:
     for body in (b"\xff\xfe{}", b"", b"null", b'"x"', json.dumps([1]).encode()):
         assert service.http.post("/v1/jobs", content=body, headers=JSON).status_code in (400, 422)
+
+
+def test_a_detector_that_is_named_twice_is_refused(service: Service) -> None:
+    twice = ["t2", "random"] * 3
+    for options in ({"study": {"detectors": twice}}, {"settings": {"study": {"detectors": twice}}}):
+        answer = service.submit_one("study", json.dumps(options))
+        assert_problem(answer, 422, "invalid_options", "twice")
+        (path,) = (each["pointer"] for each in answer.json()["errors"])
+        assert path.endswith("study/detectors")
+    assert service.submit_one("study", '{"study": {"detectors": ["t2", "random"]}}').status_code == 202

@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
 from typing import Any
@@ -20,7 +21,7 @@ from service.cli import app as cli
 from service.errors import JobCrashed, problem_of
 from service.job_store import JobStore
 from service.jobs import now_ms
-from service.post import Poster
+from service.post import TOTAL_S, Poster
 from service.schemas import DeliveryState
 from service.sender import Sender
 from service.settings import ServiceSettings
@@ -249,6 +250,13 @@ def test_a_new_secret_signs_beside_the_old_for_a_day(
         "http://[::ffff:10.0.0.1]/",
         "http://[64:ff9b::a00:1]/",
         "http://[2002:a00:1::]/",
+        "http://[fec0::1]/",
+        "http://[::7f00:1]/",
+        "http://[64:ff9b:1::a00:1]/",
+        "http://[::ffff:0:a00:1]/",
+        "http://[fe80::1]/",
+        "http://[fd00::1]/",
+        "http://[ff02::1]/",
         "http://0.0.0.0/",
         "http://224.0.0.1/",
         "https://user:secret@example.org/",
@@ -270,7 +278,9 @@ def test_an_address_that_must_not_be_reached_is_refused_at_once(service: Service
 
 
 def test_loopback_is_refused_unless_it_is_allowed() -> None:
-    for url in ("http://127.0.0.1:1/", "http://localhost:1/", "http://a.localhost/"):
+    names = ["127.0.0.1:1", "127.0.0.1.", "localhost:1", "localhost.", "LOCALHOST", "a.localhost", "a.localhost."]
+    old_ways = ["127.1", "2130706433", "0x7f.1", "017700000001", "0x7f000001"]
+    for url in (f"http://{host}/" for host in (*names, *old_ways)):
         with pytest.raises(ForbiddenAddress):
             Guard().check_url(url)
         Guard.of(LOOPBACK).check_url(url)
@@ -300,3 +310,52 @@ def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
 def test_an_open_address_is_not_refused() -> None:
     Guard().check("example.org", ip_address("93.184.216.34"))
     Guard().check("example.org", ip_address("2606:2800:220:1:248:1893:25c8:1946"))
+    Guard().check("example.org", ip_address("64:ff9b::5db8:d822"))  # the first one's, where there is only IPv6
+    for url in ("https://example.org/", "http://93.184.216.34:8080/", "http://[2606:2800:220:1::1]/"):
+        Guard().check_url(url)
+    Guard.of("fd00::/8").check_url("http://[fd00::1]/")
+
+
+class Trickle:
+    """A receiver that answers byte by byte for ever: never silent, never done."""
+
+    def __init__(self) -> None:
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self.server.getsockname()[1]}/"
+        self.thread = threading.Thread(target=self.serve)
+        self.thread.start()
+
+    def serve(self) -> None:
+        connection, _ = self.server.accept()
+        with connection, suppress(OSError):
+            connection.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+            while True:
+                connection.sendall(b"x")
+                time.sleep(0.02)
+
+
+def test_a_receiver_that_answers_byte_by_byte_is_left(poster: Poster, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or it would hold a sender for ever, and another would send the message again."""
+    assert 1000 * TOTAL_S < LEASE_MS - 10_000
+    monkeypatch.setattr("service.post.TOTAL_S", 0.5)
+    receiver = Trickle()
+    answer = poster.post(receiver.url, {}, b"{}")
+    receiver.thread.join(10)
+    receiver.server.close()
+    assert answer.status is None and answer.error in ("timed out", "no answer within 0.5 s")
+    assert answer.seconds < 5
+
+
+def test_of_several_addresses_the_first_that_takes_us_is_used(
+    receiver: Receiver, poster: Poster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = socket.getaddrinfo
+
+    def looked_up(host: str, port: int, *given: Any, **named: Any) -> list[Any]:
+        if host != "two.example.org":
+            return real(host, port, *given, **named)
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, port)) for each in ("127.0.0.2", "127.0.0.1")]
+
+    monkeypatch.setattr("service.post.socket.getaddrinfo", looked_up)
+    answer = poster.post(receiver.url.replace("127.0.0.1", "two.example.org"), {}, b"{}")
+    assert answer.status == 204 and len(receiver.got) == 1
