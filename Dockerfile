@@ -20,7 +20,7 @@ COPY pipeline pipeline
 COPY service service
 RUN /opt/cusp/bin/pip install --constraint constraints.txt . \
     && /opt/cusp/bin/pip uninstall --yes pip \
-    && /opt/cusp/bin/python -m compileall -q /opt/cusp/lib || true
+    && { /opt/cusp/bin/python -m compileall -q /opt/cusp/lib || true; } # some libraries ship files of other Pythons
 
 FROM ${BASE} AS runtime
 LABEL org.opencontainers.image.title="Cusp" \

@@ -6,11 +6,16 @@ from collections.abc import Mapping
 from fastapi import Request, Response
 
 
+def is_known(request: Request, etag: str) -> bool:
+    """True when the client says that it has exactly that."""
+    known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
+    return etag in known or "*" in known
+
+
 def conditional_json(request: Request, body: str, headers: Mapping[str, str]) -> Response:
     """`body` with its ETag, or 304 when the client has exactly that."""
     etag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
     all_headers = {**headers, "ETag": etag, "Cache-Control": "no-cache"}
-    known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
-    if etag in known or "*" in known:
+    if is_known(request, etag):
         return Response(status_code=304, headers=all_headers)
     return Response(body, media_type="application/json", headers=all_headers)

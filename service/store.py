@@ -1,6 +1,8 @@
 """The database: how it is opened, and how its tables are made. SQLite and PostgreSQL, by the URL alone."""
 
 import logging
+import sqlite3
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,14 +20,29 @@ MIGRATION_LOCK = 0x43555350  # of PostgreSQL's advisory locks: "CUSP"
 
 
 class NoDatabase(Exception):
-    """The database does not answer, or refuses us."""
+    """The database does not answer, refuses us, or would not do."""
+
+
+def check_sqlite(url: str) -> None:
+    """From Python 3.12 on, DBOS has SQLite older than 3.42 write empty times, and jobs in no order: better not to start.
+
+    Raises
+    ------
+    NoDatabase
+    """
+    python = tuple(sys.version_info)
+    if make_url(url).get_backend_name() == "sqlite" and python >= (3, 12) and sqlite3.sqlite_version_info < (3, 42):
+        raise NoDatabase(
+            f"Python {python[0]}.{python[1]} here has SQLite {sqlite3.sqlite_version}; with it the queue "
+            "needs 3.42 or newer: use Python 3.11, a newer system, or PostgreSQL (CUSP_DATABASE_URL)"
+        )
 
 
 def open_database(url: str) -> Engine:
     """An engine on `sqlite:///file` or `postgresql+psycopg://...`.
 
-    SQLite: WAL lets readers go on while one writes; NORMAL is durable but for power loss. PostgreSQL: a connection is tried
-    before it is used, so that a restarted server is noticed by nobody.
+    SQLite: WAL lets readers go on while one writes; FULL has an accepted job outlive a loss of power. PostgreSQL: a
+    connection is tried before it is used, so that a restarted server is noticed by nobody.
     """
     if make_url(url).get_backend_name() == "postgresql":
         return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": CONNECT_TIMEOUT_S})
@@ -86,6 +103,6 @@ def _prepare_connection(connection: DBAPIConnection, _: ConnectionPoolEntry) -> 
     cursor: Any = connection.cursor()
     cursor.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_MS}")
     cursor.execute("PRAGMA journal_mode=WAL")
-    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.execute("PRAGMA synchronous=FULL")
     cursor.execute("PRAGMA foreign_keys=ON")
     cursor.close()

@@ -18,7 +18,7 @@ from service.engine import migrate_queue
 from service.jobs import now_ms
 from service.keys import KeyStore, check_exposure
 from service.settings import ServiceSettings
-from service.store import migrate, migrating, open_database
+from service.store import check_sqlite, migrate, migrating, open_database
 from service.worker_main import EXIT_BROKEN
 
 STOP_TIMEOUT_S = 8.0
@@ -61,6 +61,7 @@ def prepare(settings: ServiceSettings, part: str = "up") -> IO[bytes]:
         raise NotApart(
             f"`cusp {part}` needs CUSP_DATABASE_URL (PostgreSQL), which other parts reach too; or use `cusp up`"
         )
+    check_sqlite(settings.queue)
     settings.make_folders()
     lock = _locked(settings, part)
     try:

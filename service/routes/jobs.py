@@ -4,7 +4,7 @@ import asyncio
 import re
 import time
 from collections.abc import AsyncIterable
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote
 
 import structlog
@@ -17,7 +17,7 @@ from service import problems as told
 from service.api import Api, UseApi
 from service.digests import content_digest
 from service.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
-from service.etags import conditional_json
+from service.etags import conditional_json, is_known
 from service.identity import Reads, Writes
 from service.intake import accept_job
 from service.job_body import JOB_BODY
@@ -36,6 +36,7 @@ RETRY_AFTER_S = 1
 MAX_WAIT_S = 60
 REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 WAIT_LOOK_S = 0.1
+NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 log = structlog.get_logger()
 
 
@@ -95,7 +96,7 @@ def _shown(row: JobRow) -> Job | None:
 @router.get(
     "/{job_id}",
     response_model=Job,
-    responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404, 429)},
+    responses={**NOT_CHANGED, **problems(401, 403, 404, 429)},
 )
 async def status(
     job_id: JobId,
@@ -143,15 +144,17 @@ async def events(
 
 
 @router.get(
-    "/{job_id}/results", response_model=Results, responses=problems(401, 403, 404, 409, 413, 415, 422, 429, 500)
+    "/{job_id}/results",
+    response_model=Results,
+    responses={**NOT_CHANGED, **problems(401, 403, 404, 409, 413, 415, 422, 429, 500)},
 )
-def results(job_id: JobId, api: UseApi, caller: Reads) -> Response:
+def results(job_id: JobId, request: Request, api: UseApi, caller: Reads) -> Response:
     """Get results.json; of a failed job, its problem."""
     row = api.job(job_id, caller)
     if row.status is Status.FAILED and row.error:
         return told.problem_response(row.error)
     _check_successful(row)
-    return _download(api, row, "results.json", inline=True)
+    return _download(api, request, row, "results.json", inline=True)
 
 
 @router.get("/{job_id}/files", responses=problems(401, 403, 404, 409, 429))
@@ -165,13 +168,13 @@ def list_files(job_id: JobId, api: UseApi, caller: Reads) -> FileList:
 @router.get(
     "/{job_id}/files/{name}",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 409, 429)},
+    responses={200: {"content": {"application/octet-stream": {}}}, **NOT_CHANGED, **problems(401, 403, 404, 409, 429)},
 )
-def download(job_id: JobId, name: FileName, api: UseApi, caller: Reads) -> Response:
+def download(job_id: JobId, name: FileName, request: Request, api: UseApi, caller: Reads) -> Response:
     """Download a file of a successful job."""
     row = api.job(job_id, caller)
     _check_successful(row)
-    return _download(api, row, name)
+    return _download(api, request, row, name)
 
 
 @router.get("/{job_id}/deliveries", responses=problems(401, 403, 404, 429))
@@ -215,13 +218,16 @@ def _check_successful(row: JobRow) -> None:
         raise JobNotFinal(f"job {row.id} is {why}")
 
 
-def _download(api: Api, row: JobRow, name: str, *, inline: bool = False) -> Response:
+def _download(api: Api, request: Request, row: JobRow, name: str, *, inline: bool = False) -> Response:
     entry = next((entry for entry in row.files or [] if entry["name"] == name), None)
     if entry is None or row.published_attempt is None:
         raise FileNotInJob(f"job {row.id} has no file {name!r}; see /v1/jobs/{row.id}/files")
+    etag = f'"{entry["sha256"]}"'
+    if is_known(request, etag):
+        return Response(status_code=304, headers={"ETag": etag})
     headers = {
         "Content-Length": str(entry["size"]),
-        "ETag": f'"{entry["sha256"]}"',
+        "ETag": etag,
         "Content-Digest": content_digest(entry["sha256"]),
     }
     if name == "report.html":  # to be looked at: with nothing that could act

@@ -136,6 +136,15 @@ def test_a_full_queue_says_when_to_come_back(service: Service) -> None:
 # --- watching
 
 
+@pytest.mark.parametrize("address", ["results", "files/aligned.ply"])
+def test_a_file_that_the_client_has_is_not_sent_again(service: Service, address: str) -> None:
+    url = f"/v1/jobs/{service.finished()}/{address}"
+    first = service.http.get(url)
+    again = service.http.get(url, headers={"If-None-Match": f'"other", {first.headers["ETag"]}'})
+    assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", first.headers["ETag"])
+    assert service.http.get(url, headers={"If-None-Match": '"other"'}).content == first.content
+
+
 def test_status_has_an_etag_and_answers_304(service: Service) -> None:
     job_id = service.submitted()
     first = service.http.get(f"/v1/jobs/{job_id}")

@@ -8,6 +8,7 @@ import pytest
 import structlog
 from typer.testing import CliRunner
 
+from service.api_main import configuration
 from service.app import create_app
 from service.cli import app as cli
 from service.settings import ServiceSettings
@@ -89,3 +90,13 @@ def test_a_wrong_setting_is_named(monkeypatch: pytest.MonkeyPatch, variable: str
     told = CliRunner().invoke(cli, ["config", "show"])
     assert told.exit_code == 1
     assert variable.removeprefix("CUSP_").lower() in told.output.lower()
+
+
+def test_nobody_is_believed_to_be_somebody_else_unless_it_is_asked_for(
+    settings: ServiceSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("FORWARDED_ALLOW_IPS", raising=False)
+    assert not configuration(settings).proxy_headers
+    monkeypatch.setenv("FORWARDED_ALLOW_IPS", "10.0.0.7")
+    trusting = configuration(settings)
+    assert trusting.proxy_headers and trusting.forwarded_allow_ips == "10.0.0.7"
