@@ -1,5 +1,6 @@
 """A whole service for tests: `cusp up` in processes of its own, on a free port and a folder of its own."""
 
+import hashlib
 import os
 import signal
 import subprocess
@@ -42,6 +43,16 @@ def is_alive(process: psutil.Process) -> bool:
         return process.is_running() and bool(process.status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
         return False
+
+
+def downloaded(client: Client, job_id: str, folder: Path) -> set[str]:
+    """The names of the job's files, each fetched and held against its digest."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = client.files(job_id)
+    for file in files:
+        content = client.download(job_id, file.name, folder / file.name).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == file.sha256, (job_id, file)
+    return {file.name for file in files}
 
 
 class RunningService:

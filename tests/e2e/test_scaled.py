@@ -14,7 +14,7 @@ from sqlalchemy import text
 from service.schemas import Status
 from service.settings import ServiceSettings
 from service.store import open_database
-from tests.e2e.running import QUICK, START_TIMEOUT_S, ScaledService, wait_until
+from tests.e2e.running import QUICK, START_TIMEOUT_S, ScaledService, downloaded, wait_until
 from tests.storage import S3, Postgres
 
 pytestmark = pytest.mark.e2e
@@ -68,6 +68,26 @@ def test_a_stopped_workers_job_goes_to_another_at_once(scaled: ScaledService, de
     wait_until(lambda: scaled.client.job(job_id).attempt == 2, 10, "the other worker to take the job")
     assert scaled.client.wait(job_id, timeout_s=90).status is Status.SUCCESSFUL
     scaled.replace(victim)
+
+
+def test_a_worker_that_was_paused_publishes_nothing_when_it_comes_back(
+    scaled: ScaledService, design: Path, scan: Path, s3: S3, tmp_path: Path
+) -> None:
+    """Its machine slept. Meanwhile the job was handed on and finished; its own child finished too, and waits to be heard."""
+    job_id = scaled.client.submit(design, scan, SLOWER).id
+    victim = scaled.busy()
+    victim.suspend()
+    wait_until(lambda: scaled.client.job(job_id).attempt == 2, 40, "the other worker to take the job")
+    final = scaled.client.wait(job_id, timeout_s=90)
+    assert (final.status, final.attempt) == (Status.SUCCESSFUL, 2)
+    victim.resume()
+    wait_until(lambda: "no longer wanted" in scaled.log.read_text(), 30, "the paused worker to see it")
+    assert scaled.client.job(job_id) == final
+    assert "results.json" in downloaded(scaled.client, job_id, tmp_path)
+    prefix = scaled.environment["CUSP_BLOB_URL"].split("/")[-1]
+    assert {key.split("/")[-2] for key in s3.keys(f"{prefix}/results/{job_id}")} == {"2"}
+    after = [scaled.client.submit(design, scan, QUICK).id for _ in range(2)]  # and it works on
+    assert {scaled.client.wait(each, timeout_s=90).status for each in after} == {Status.SUCCESSFUL}
 
 
 def test_a_restart_of_the_database_costs_no_attempt(

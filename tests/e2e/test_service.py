@@ -1,6 +1,5 @@
 """The whole service over real HTTP: real worker, real child processes, the real method."""
 
-import hashlib
 import math
 import signal
 import struct
@@ -15,7 +14,7 @@ from pipeline import Stage
 from service.client import ServiceProblem
 from service.schemas import Status
 from tests.e2e.conftest import SHIFT_MM, TURN_DEG
-from tests.e2e.running import LONG, QUICK, RunningService, is_alive, wait_until
+from tests.e2e.running import LONG, QUICK, RunningService, downloaded, is_alive, wait_until
 from tests.service.meshes import stl
 
 pytestmark = pytest.mark.e2e
@@ -37,7 +36,7 @@ def test_a_scan_is_registered_to_its_design(running: RunningService, design: Pat
     assert np.allclose(off[:3, :3], np.eye(3), atol=0.02)
     assert np.abs(off[:3, 3]).max() < 0.4  # 1 % of the diagonal; two coarse triangulations of one shape
 
-    assert downloaded(running, job.id, tmp_path) == {"results.json", *results.files}
+    assert downloaded(running.client, job.id, tmp_path) == {"results.json", *results.files}
 
 
 FILES = {
@@ -50,15 +49,6 @@ FILES = {
 STUDY = {**QUICK, "study": {"trials": 20, "detectors": ["t2", "iss", "random"]}}
 
 
-def downloaded(running: RunningService, job_id: str, folder: Path) -> set[str]:
-    """The names of the job's files, each fetched and held against its digest."""
-    files = running.client.files(job_id)
-    for file in files:
-        content = running.client.download(job_id, file.name, folder / file.name).read_bytes()
-        assert hashlib.sha256(content).hexdigest() == file.sha256
-    return {file.name for file in files}
-
-
 def test_landmarks_of_one_mesh(running: RunningService, design: Path, tmp_path: Path) -> None:
     job = running.client.submit(design, options={**QUICK, "units": {"mesh": "cm"}}, job_type="landmarks")
     assert (job.type, job.status) == ("landmarks", Status.ACCEPTED)
@@ -67,7 +57,7 @@ def test_landmarks_of_one_mesh(running: RunningService, design: Path, tmp_path: 
     assert results.provenance.inputs.mesh.mm_per_unit == 10.0
     assert results.segments.mesh.count > 0
     assert len(results.landmarks.mesh) > 0
-    assert downloaded(running, job.id, tmp_path) == FILES["landmarks"]
+    assert downloaded(running.client, job.id, tmp_path) == FILES["landmarks"]
     rows = (tmp_path / "landmarks.csv").read_text().splitlines()
     assert len(rows) == 1 + len(results.landmarks.mesh)
 
@@ -82,7 +72,7 @@ def test_a_study_of_one_mesh(running: RunningService, design: Path, tmp_path: Pa
     assert (results.protocol.kind, results.protocol.trials) == ("informativeness", 20)
     assert results.informativeness is not None
     assert {row.detector for row in results.informativeness} == {"t2", "iss", "random"}
-    assert downloaded(running, job.id, tmp_path) == FILES["study"]
+    assert downloaded(running.client, job.id, tmp_path) == FILES["study"]
 
 
 def test_a_running_study_is_cancelled_within_three_seconds(running: RunningService, design: Path) -> None:

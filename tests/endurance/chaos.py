@@ -1,15 +1,20 @@
-"""A hundred jobs while the worker, the API or everything is killed with -9 at random moments: `python -m tests.endurance.chaos`
+"""A hundred jobs while a worker, the API or everything is killed with -9 at random moments: `python -m tests.endurance.chaos`
 
-Every job is sent with an `Idempotency-Key` and sent again until an answer came, as a careful client does. After the last kill
-the rest is done in peace. At the end: one job a key, each final, each with the results of one attempt, and a trigger in the
-database has counted how often each became final. A job that three workers died of has failed, with that as its reason.
+On SQLite and files it is `cusp up`; on PostgreSQL and S3 an API and two workers. The kills come from a thread of their own, so
+that requests are cut in flight. Every job is sent with an `Idempotency-Key` and sent again until an answer came, as a careful
+client does. After the last kill the rest is done in peace. At the end: one job a key, each final, each with the results of one
+attempt, every file with the digest that its list tells, and a trigger in the database has counted how often each became final.
+A job that three workers died of has failed, with that as its reason.
 """
 
 import argparse
+import hashlib
 import json
 import random
 import tempfile
+import threading
 import time
+from abc import ABC, abstractmethod
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -20,14 +25,14 @@ from rich.console import Console
 from rich.table import Table
 from sqlalchemy import Engine, text
 
+from service.client import Client
 from service.settings import ServiceSettings
-from service.store import migrate, open_database
-from tests.e2e.running import QUICK, RunningService
+from service.store import open_database
+from tests.e2e.running import QUICK, RunningService, ScaledService
 from tests.service.meshes import blob_stl
-from tests.storage import running_postgres, running_s3
+from tests.storage import S3, Postgres, running_postgres, running_s3
 
 PAUSE_S = (3.0, 10.0)  # between two kills
-KILLS = 20
 GIVE_UP_S = 1200
 AUDIT = {
     "sqlite": [
@@ -45,53 +50,134 @@ AUDIT = {
 }
 
 
-def submit_all(service: "Killed", jobs: int, design: bytes, scan: bytes) -> dict[str, str]:
-    """Key -> job id; sent again until an answer came."""
+class Victim(ABC):
+    """A service that can be killed in part or whole, and comes back."""
+
+    @property
+    @abstractmethod
+    def client(self) -> Client: ...
+
+    @abstractmethod
+    def kill(self, what: str, draw: random.Random) -> None:
+        """`worker`, `api` or `everything`; returns when what nobody else starts again was started."""
+
+    @abstractmethod
+    def stop(self) -> None: ...
+
+
+class Embedded(Victim):
+    """`cusp up`, which starts its parts again itself."""
+
+    def __init__(self, data_dir: Path) -> None:
+        self._data_dir = data_dir
+        self.database = ServiceSettings(data_dir=data_dir).database
+        self._running = self._start()
+
+    def _start(self) -> RunningService:
+        return RunningService(self._data_dir, CUSP_JOBS="2", CUSP_LOG_LEVEL="warning")
+
+    @property
+    def client(self) -> Client:
+        return self._running.client
+
+    def kill(self, what: str, draw: random.Random) -> None:
+        if what == "everything":
+            self._running.kill_everything()
+            self._running = self._start()
+        else:
+            with suppress(psutil.NoSuchProcess):
+                self._running.part(what).kill()
+
+    def stop(self) -> None:
+        self._running.stop()
+
+
+class Scaled(Victim):
+    """An API and two workers; a part that is killed is started again, as an orchestrator would."""
+
+    def __init__(self, folder: Path, server: Postgres, s3: S3) -> None:
+        self._scaled = ScaledService(folder, server, s3, 2, CUSP_LOG_LEVEL="warning")
+        self.database = ServiceSettings.model_validate(
+            {"database_url": self._scaled.environment["CUSP_DATABASE_URL"]}
+        ).database
+
+    @property
+    def client(self) -> Client:
+        return self._scaled.client
+
+    def kill(self, what: str, draw: random.Random) -> None:
+        service = self._scaled
+        numbers = range(len(service.workers))
+        workers = [draw.choice(numbers)] if what == "worker" else list(numbers) if what == "everything" else []
+        victims = [service.workers[number] for number in workers] + ([service.api] if what != "worker" else [])
+        for victim in victims:
+            victim.kill()
+        for victim in victims:
+            victim.wait()
+        for number in workers:
+            service.workers[number] = service.start("worker", f"worker-{number}")
+        if what != "worker":
+            service.api = service.start("api", "api")
+
+    def stop(self) -> None:
+        self._scaled.stop()
+
+
+class Killer:
+    """Kills, from a thread of its own, until it was often enough or `stop`."""
+
+    def __init__(self, victim: Victim, seed: int, kills: int) -> None:
+        self._victim, self._draw, self._left = victim, random.Random(seed), kills
+        self.kills: dict[str, int] = {"worker": 0, "api": 0, "everything": 0}
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while self._left > 0 and not self._end.wait(self._draw.uniform(*PAUSE_S)):
+            what = self._draw.choice(list(self.kills))
+            self.kills[what] += 1
+            self._left -= 1
+            self._victim.kill(what, self._draw)
+
+    def stop(self) -> None:
+        """No more; raises nothing of what went wrong in the thread: the service would not come back, and that is seen."""
+        self._end.set()
+        self._thread.join()
+
+
+def submit_all(victim: Victim, jobs: int, design: bytes, scan: bytes) -> tuple[dict[str, str], int]:
+    """Key -> job id; each sent again until an answer came. Also how many requests were cut."""
     known: dict[str, str] = {}
+    cut = 0
     for number in range(jobs):
         key = f"order-{number}"
         while key not in known:
-            with suppress(httpx.TransportError):
+            try:
                 answer = httpx.post(
-                    f"{service.address}/v1/jobs",
+                    f"{victim.client.server}/v1/jobs",
                     files={"design": ("d.stl", design), "scan": ("s.stl", scan)},
                     data={"options": json.dumps({**QUICK, "label": key})},
                     headers={"Idempotency-Key": key},
                     timeout=20,
                 )
-                if answer.status_code == 202:
-                    known[key] = answer.json()["id"]
-            service.maybe_kill()
-    return known
+            except httpx.TransportError:
+                cut += 1
+                time.sleep(0.05)
+                continue
+            assert answer.status_code in (202, 503), answer.text
+            if answer.status_code == 202:
+                known[key] = answer.json()["id"]
+    return known, cut
 
 
-class Killed:
-    """A service that is killed, part by part or whole, and started again."""
-
-    def __init__(self, data_dir: Path, environment: dict[str, str], seed: int) -> None:
-        self._make = lambda: RunningService(data_dir, CUSP_JOBS="2", CUSP_LOG_LEVEL="warning", **environment)
-        self._random = random.Random(seed)
-        self.running = self._make()
-        self.kills: dict[str, int] = {"worker": 0, "api": 0, "everything": 0}
-        self._next = time.monotonic() + self._random.uniform(*PAUSE_S)
-
-    @property
-    def address(self) -> str:
-        return self.running.client.server
-
-    def maybe_kill(self) -> None:
-        """When it is time: one of the three."""
-        if time.monotonic() < self._next or sum(self.kills.values()) >= KILLS:
-            return
-        what = self._random.choice(list(self.kills))
-        self.kills[what] += 1
-        if what == "everything":
-            self.running.kill_everything()
-            self.running = self._make()
-        else:
-            with suppress(psutil.NoSuchProcess):
-                self.running.part(what).kill()
-        self._next = time.monotonic() + self._random.uniform(*PAUSE_S)
+def is_whole(client: Client, job_id: str, folder: Path) -> bool:
+    """True when every file of the job is there, with its size and its digest."""
+    for file in client.files(job_id):
+        content = client.download(job_id, file.name, folder / file.name).read_bytes()
+        if len(content) != file.size or hashlib.sha256(content).hexdigest() != file.sha256:
+            return False
+    return True
 
 
 def final_ids(engine: Engine) -> set[str]:
@@ -100,51 +186,44 @@ def final_ids(engine: Engine) -> set[str]:
         return set(connection.scalars(text(query)))
 
 
-def run(kind: str, jobs: int, seed: int) -> dict[str, Any]:
+def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
     """One service of a kind of storage, killed until all its jobs are done."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        environment: dict[str, str] = {}
         if kind == "postgresql":
             server, s3 = stack.enter_context(running_postgres()), stack.enter_context(running_s3())
-            environment = {
-                **s3.environment,
-                "CUSP_DATABASE_URL": server.create("chaos"),
-                "CUSP_BLOB_URL": f"s3://{s3.bucket}/chaos",
-                "CUSP_WORKER_ID": "worker-1",
-            }
-        settings = ServiceSettings.model_validate(
-            {"data_dir": folder / "data", "database_url": environment.get("CUSP_DATABASE_URL", "")}
-        )
-        settings.make_folders()
-        migrate(settings.database)
-        engine = open_database(settings.database)
+            victim: Embedded | Scaled = Scaled(folder, server, s3)
+        else:
+            victim = Embedded(folder / "data")
+        stack.callback(lambda: victim.stop())
+        engine = open_database(victim.database)
         stack.callback(engine.dispose)
         with engine.begin() as connection:
             for statement in AUDIT[kind]:
                 connection.execute(text(statement))
         begun = time.monotonic()
-        service = Killed(settings.data_dir, environment, seed)
-        stack.callback(lambda: service.running.stop())
-        known = submit_all(service, jobs, blob_stl(), blob_stl(23, 37, turn_deg=25.0, shift_mm=(4, -3, 2)))
+        killer = Killer(victim, seed, kills)
+        stack.callback(killer.stop)  # before the service is stopped
+        known, cut = submit_all(victim, jobs, blob_stl(), blob_stl(23, 37, turn_deg=25.0, shift_mm=(4, -3, 2)))
         while len(final_ids(engine)) < jobs and time.monotonic() - begun < GIVE_UP_S:
             time.sleep(0.1)
-            service.maybe_kill()
         seconds = time.monotonic() - begun
+        killer.stop()
+        while not victim.client.is_ready():
+            time.sleep(0.1)
         with engine.connect() as connection:
             rows = connection.execute(text("SELECT id, status, attempt, published_attempt FROM jobs")).all()
             audit = connection.execute(text("SELECT id, count(*) FROM audit GROUP BY id")).all()
-        while not service.running.client.is_ready():
-            time.sleep(0.1)
-        readable = sum(bool(service.running.client.results(row.id)) for row in rows if row.status == "successful")
+        whole = sum(is_whole(victim.client, row.id, folder) for row in rows if row.status == "successful")
         return {
             "storage": kind,
             "jobs": jobs,
-            **{f"kills of {what}": count for what, count in service.kills.items()},
+            **{f"kills of {what}": count for what, count in killer.kills.items()},
+            "requests cut": cut,
             "lost": len(set(known.values()) - final_ids(engine)),
             "twice": len(rows) - jobs + sum(count > 1 for _, count in audit),
             "successful": sum(row.status == "successful" for row in rows),
-            "readable": readable,
+            "every file with its digest": whole,
             "failed": sum(row.status == "failed" for row in rows),
             "run again": sum(row.attempt > 1 for row in rows),
             "seconds": round(seconds),
@@ -155,16 +234,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kills", type=int, default=20, help="at most so many")
     parser.add_argument("--storage", choices=["sqlite", "postgresql", "both"], default="both")
     options = parser.parse_args()
     kinds = ["sqlite", "postgresql"] if options.storage == "both" else [options.storage]
-    found = [run(kind, options.jobs, options.seed) for kind in kinds]
+    found = [run(kind, options.jobs, options.seed, options.kills) for kind in kinds]
     table = Table("what", *(each["storage"] for each in found), title="Killed with -9 at random moments")
     for what in found[0]:
         table.add_row(what, *(str(each[what]) for each in found))
     Console().print(table)
-    if any(each["lost"] or each["twice"] or each["readable"] != each["successful"] for each in found):
-        raise SystemExit("jobs were lost, or done twice")
+    if any(each["lost"] or each["twice"] or each["every file with its digest"] != each["successful"] for each in found):
+        raise SystemExit("jobs were lost, or done twice, or their files are not what they were")
 
 
 if __name__ == "__main__":
