@@ -18,6 +18,7 @@ import obstore
 from obstore.store import LocalStore, ObjectStore, S3Store
 
 from pipeline import HEAD_BYTES
+from service.durable import settle
 
 if TYPE_CHECKING:
     from obstore import ObjectMeta  # which is there for type checkers only
@@ -93,6 +94,7 @@ class BlobStore:
 
     def __init__(self, url: str) -> None:
         self._store = open_store(url)
+        self._folder = Path(url.removeprefix("file://")) if url.startswith("file://") else None
 
     @property
     def store(self) -> ObjectStore:
@@ -116,7 +118,10 @@ class BlobStore:
 
     def keep(self, upload: Upload) -> None:
         """Store the upload under its content. The same content twice is one blob."""
-        obstore.rename(self._store, upload.key, _blob_key(upload.blob_id))
+        self._settle([upload.key])
+        key = _blob_key(upload.blob_id)
+        obstore.rename(self._store, upload.key, key)
+        self._settle(_folders_of(key))
 
     def discard(self, upload: Upload) -> None:
         """Throw a refused upload away."""
@@ -165,7 +170,14 @@ class BlobStore:
                     "media_type": media_type or "application/octet-stream",
                 }
             )
+        keys = [_file_key(job_id, attempt, str(entry["name"])) for entry in entries]
+        self._settle([*keys, *(_folders_of(keys[0]) if keys else [])])
         return entries
+
+    def _settle(self, keys: list[str]) -> None:
+        """A bucket answers when it has what it was given; a folder only writes it down sooner or later."""
+        if self._folder is not None:
+            settle(self._folder / key for key in keys)
 
     def read(self, job_id: str, attempt: int, name: str) -> Iterator[bytes]:
         """The content of a published file. Raises FileNotFoundError here, not at the first chunk, when it is gone."""
@@ -196,6 +208,11 @@ class BlobStore:
 
 def _ms(entry: "ObjectMeta") -> float:
     return entry["last_modified"].timestamp() * 1000
+
+
+def _folders_of(key: str) -> list[str]:
+    """All that hold the key, up to the store's own."""
+    return [str(folder) for folder in Path(key).parents]
 
 
 def _blob_key(blob_id: str) -> str:

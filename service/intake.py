@@ -181,13 +181,18 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
     except BaseException:
         _discard(api, uploads)
         raise
-    blobs = {}
-    for name, (upload, _) in uploads.items():
-        api.blobs.keep(upload)
-        api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
-        api.metrics.add("cusp_uploads", {formats[name].value: 1})
-        api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
-        blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
+    blobs, left = {}, dict(uploads)
+    try:
+        for name, (upload, _) in uploads.items():
+            api.blobs.keep(upload)
+            del left[name]
+            api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
+            api.metrics.add("cusp_uploads", {formats[name].value: 1})
+            api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
+            blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
+    except BaseException:
+        _discard(api, left)
+        raise
     return blobs
 
 

@@ -11,6 +11,7 @@ import pytest
 from obstore.exceptions import GenericError
 from sqlalchemy.exc import OperationalError
 
+from service.job_store import JobStore
 from service.jobs import now_ms
 from service.reaper import DEAD_AFTER_MS, Reaper
 from service.sandbox import Outcome
@@ -207,3 +208,34 @@ def test_a_worker_that_stops_waits_for_no_store(service: Service, monkeypatch: p
     assert service.worker.stop(5)
     assert service.status(job_id)["status"] == "accepted"
     assert [row.id for row in service.worker.handed_back] == [job_id]
+
+
+def test_what_the_database_tells_of_is_on_the_disk_before_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a loss of power an accepted job has its meshes, and a successful one its files."""
+    settled: set[str] = set()
+    told: list[tuple[str, set[str]]] = []
+
+    def noting(file: int) -> None:
+        settled.add(str(Path(f"/proc/self/fd/{file}").readlink()))
+
+    def seen(name: str, act: Callable[..., Any]) -> Callable[..., Any]:
+        def acting(*given: Any) -> Any:
+            told.append((name, set(settled)))
+            return act(*given)
+
+        return acting
+
+    monkeypatch.setattr("service.durable.os.fsync", noting)
+    monkeypatch.setattr("service.job_store.JobStore.add", seen("accepted", JobStore.add))
+    monkeypatch.setattr("service.job_store.JobStore.succeed", seen("successful", JobStore.succeed))
+    job_id = service.finished()
+    assert [name for name, _ in told] == ["accepted", "successful"]
+    if not service.settings.is_embedded:
+        assert settled == set()  # a bucket answers when it has it
+        return
+    folder = service.settings.blob_dir
+    (blob,) = (path for path in folder.glob("blobs/*/*"))
+    assert {str(blob.parent), str(blob.parent.parent), str(folder)} <= told[0][1]
+    assert any("/incoming/" in path for path in told[0][1])  # its content, before it got its name
+    out = folder / "results" / job_id / "1"
+    assert {str(out), str(out.parent), *map(str, out.iterdir())} <= told[1][1]
