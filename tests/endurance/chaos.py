@@ -33,6 +33,7 @@ from tests.service.meshes import blob_stl
 from tests.storage import S3, Postgres, running_postgres, running_s3
 
 PAUSE_S = (3.0, 10.0)  # between two kills
+PACE_S = 0.2  # between two requests, on average
 GIVE_UP_S = 1200
 AUDIT = {
     "sqlite": [
@@ -140,35 +141,44 @@ class Killer:
             self._left -= 1
             self._victim.kill(what, self._draw)
 
+    @property
+    def is_busy(self) -> bool:
+        """True while there are kills to come."""
+        return self._thread.is_alive()
+
     def stop(self) -> None:
         """No more; raises nothing of what went wrong in the thread: the service would not come back, and that is seen."""
         self._end.set()
         self._thread.join()
 
 
-def submit_all(victim: Victim, jobs: int, design: bytes, scan: bytes) -> tuple[dict[str, str], int]:
-    """Key -> job id; each sent again until an answer came. Also how many requests were cut."""
-    known: dict[str, str] = {}
-    cut = 0
-    for number in range(jobs):
-        key = f"order-{number}"
-        while key not in known:
-            try:
-                answer = httpx.post(
-                    f"{victim.client.server}/v1/jobs",
-                    files={"design": ("d.stl", design), "scan": ("s.stl", scan)},
-                    data={"options": json.dumps({**QUICK, "label": key})},
-                    headers={"Idempotency-Key": key},
-                    timeout=20,
-                )
-            except httpx.TransportError:
-                cut += 1
-                time.sleep(0.05)
-                continue
-            assert answer.status_code in (202, 503), answer.text
-            if answer.status_code == 202:
-                known[key] = answer.json()["id"]
-    return known, cut
+class Orders:
+    """What a careful client sends: each order under a key of its own, again until an answer came, and some once more later."""
+
+    def __init__(self, victim: Victim, design: bytes, scan: bytes) -> None:
+        self._victim = victim
+        self._files = {"design": ("d.stl", design), "scan": ("s.stl", scan)}
+        self.known: dict[str, str] = {}
+        self.cut = 0  # requests without an answer
+        self.changed = 0  # orders that were answered with another job than before
+
+    def send(self, key: str) -> bool:
+        """False when no answer came, or that of a service that is not ready."""
+        try:
+            answer = httpx.post(
+                f"{self._victim.client.server}/v1/jobs",
+                files=self._files,
+                data={"options": json.dumps({**QUICK, "label": key})},
+                headers={"Idempotency-Key": key},
+                timeout=20,
+            )
+        except httpx.TransportError:
+            self.cut += 1
+            return False
+        assert answer.status_code in (202, 503), answer.text
+        if answer.status_code == 202:
+            self.changed += self.known.setdefault(key, answer.json()["id"]) != answer.json()["id"]
+        return answer.status_code == 202
 
 
 def is_whole(client: Client, job_id: str, folder: Path) -> bool:
@@ -204,9 +214,15 @@ def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
         begun = time.monotonic()
         killer = Killer(victim, seed, kills)
         stack.callback(killer.stop)  # before the service is stopped
-        known, cut = submit_all(victim, jobs, blob_stl(), blob_stl(23, 37, turn_deg=25.0, shift_mm=(4, -3, 2)))
-        while len(final_ids(engine)) < jobs and time.monotonic() - begun < GIVE_UP_S:
-            time.sleep(0.1)
+        orders = Orders(victim, blob_stl(), blob_stl(23, 37, turn_deg=25.0, shift_mm=(4, -3, 2)))
+        draw = random.Random(seed + 1)
+        for number in range(jobs):
+            while not orders.send(f"order-{number}"):
+                time.sleep(0.05)
+            time.sleep(draw.uniform(0.0, 2.0 * PACE_S))
+        while (len(final_ids(engine)) < jobs or killer.is_busy) and time.monotonic() - begun < GIVE_UP_S:
+            orders.send(draw.choice(list(orders.known)))
+            time.sleep(draw.uniform(0.0, 2.0 * PACE_S))
         seconds = time.monotonic() - begun
         killer.stop()
         while not victim.client.is_ready():
@@ -219,9 +235,9 @@ def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
             "storage": kind,
             "jobs": jobs,
             **{f"kills of {what}": count for what, count in killer.kills.items()},
-            "requests cut": cut,
-            "lost": len(set(known.values()) - final_ids(engine)),
-            "twice": len(rows) - jobs + sum(count > 1 for _, count in audit),
+            "requests cut": orders.cut,
+            "lost": len(set(orders.known.values()) - final_ids(engine)),
+            "twice": len(rows) - jobs + orders.changed + sum(count > 1 for _, count in audit),
             "successful": sum(row.status == "successful" for row in rows),
             "every file with its digest": whole,
             "failed": sum(row.status == "failed" for row in rows),
