@@ -39,7 +39,10 @@ def up(
         bool, typer.Option("--allow-open", help="listen beyond loopback although there are no API keys")
     ] = False,
 ) -> None:
-    """Run the service: the API and a worker. Options win over CUSP_* variables."""
+    """Run the service: the API and a worker. Options win over CUSP_* variables.
+
+    `cusp up --port 8000 --data-dir /var/lib/cusp --jobs 2`
+    """
     from service.logs import set_up_logs
     from service.up import run_up
 
@@ -52,19 +55,28 @@ def up(
 
 @app.command()
 def api() -> None:
-    """Run the API alone, one of many on CUSP_DATABASE_URL and CUSP_BLOB_URL."""
+    """Run the API alone, one of many on CUSP_DATABASE_URL and CUSP_BLOB_URL.
+
+    `CUSP_DATABASE_URL=postgresql://cusp:...@db/cusp CUSP_BLOB_URL=s3://cusp CUSP_HOST=0.0.0.0 cusp api`
+    """
     become("api")
 
 
 @app.command()
 def worker() -> None:
-    """Run a worker alone, one of many; each has a CUSP_WORKER_ID of its own."""
+    """Run a worker alone, one of many; each has a CUSP_WORKER_ID of its own.
+
+    `CUSP_DATABASE_URL=postgresql://cusp:...@db/cusp CUSP_BLOB_URL=s3://cusp CUSP_WORKER_ID=worker-7 cusp worker`
+    """
     become("worker")
 
 
 @app.command()
 def openapi(out: Annotated[Path, typer.Option(help="folder to write to")] = Path("openapi")) -> None:
-    """Write the OpenAPI document and the examples."""
+    """Write the OpenAPI document and the examples.
+
+    `cusp openapi --out openapi`
+    """
     from service.openapi import write
 
     write(out)

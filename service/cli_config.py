@@ -18,7 +18,10 @@ app = typer.Typer(help="The settings of the service.", no_args_is_help=True)
 
 @app.command()
 def show(as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False) -> None:
-    """Print every setting, its value and whether the environment set it. Passwords are not shown."""
+    """Print every setting, its value and whether the environment set it. Passwords are not shown.
+
+    `CUSP_JOBS=4 cusp config show`
+    """
     try:
         settings = ServiceSettings()
     except ValidationError as error:

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from pipeline import MeshFile, PipelineError
 from pipeline import register as register_meshes
+from service.calls import DEFAULT_SERVER, ServiceProblem, ServiceUnreachable
 from service.cli_options import (
     AsJson,
     MeshPath,
@@ -21,14 +22,15 @@ from service.cli_options import (
     progress_bar,
     refuse,
 )
-from service.client import Client, ServiceProblem, ServiceUnreachable
+from service.client import Client
 from service.errors import ServiceError
 from service.job_types import MESHES, parse_type
 from service.options import parse_options, resolve_settings
 from service.report import print_results
 
-EXIT_OTHER_VERDICT = 3
-DEFAULT_SERVER = "http://127.0.0.1:8000"
+#: Exit code by verdict; 1 is bad input or a job that failed, 2 a wrong command line.
+EXITS = {"ok": 0, "no_match": 3, "mirrored": 4, "units_suspect": 5, "ambiguous": 6, "under_constrained": 7}
+PATIENCE_S = 2.0  # a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
 Tolerance = Annotated[float | None, typer.Option(help="for the shares within, above and below")]
@@ -46,7 +48,13 @@ def register(
     settings: SettingsFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Register SCAN to DESIGN here, without a server. Exit code 0: verdict ok; 3: another verdict; 1: bad input."""
+    """Register SCAN to DESIGN here, without a server. Exit code 0: verdict ok; 1: bad input; 3 to 7: no_match, mirrored,
+    units_suspect, ambiguous, under_constrained.
+
+    `cusp register design.stl scan.ply --tolerance-mm 0.2 --out result`
+
+    `cusp register design.stl scan.obj --unit-scan inch --json --out result | jq .verdict.status`
+    """
     units = {"design": unit_design, "scan": unit_scan}
     given = options_of(preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm)
     try:
@@ -92,9 +100,13 @@ def submit(
     label: Annotated[str | None, typer.Option(help="yours, for finding the job again")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Send DESIGN and SCAN, or one MESH, to a service. Without --wait, prints the job's id.
+    """Send DESIGN and SCAN, or one MESH, to a service. Without --wait, prints the job's id. Exit codes as of register.
+
+    `cusp submit design.stl scan.ply --wait --tolerance-mm 0.2`
 
     `cusp submit part.stl --type landmarks --out result`
+
+    `CUSP_API_KEY=cusp_... cusp submit design.stl scan.ply --server https://cusp.example.com --label "part 42"`
     """
     units = {"design": unit_design, "scan": unit_scan, "mesh": unit}
     given = options_of(preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm)
@@ -103,8 +115,16 @@ def submit(
         if len(meshes) != len(MESHES[kind]):
             refuse(f"a {kind} job takes {len(MESHES[kind])} file(s) ({' and '.join(MESHES[kind])}), not {len(meshes)}")
         scan = meshes[1] if len(meshes) > 1 else None
-        with Client(server) as client:
-            job = client.submit(meshes[0], scan, given | ({"label": label} if label else {}), job_type=kind)
+        with Client(server, patience_s=PATIENCE_S) as client:
+            with progress_bar() as bar:
+                sending = bar.add_task("sending", total=sum(mesh.stat().st_size for mesh in meshes))
+                job = client.submit(
+                    meshes[0],
+                    scan,
+                    given | ({"label": label} if label else {}),
+                    job_type=kind,
+                    on_sent=lambda count: bar.advance(sending, count),
+                )
             if not wait and out is None:
                 typer.echo(job.id)
                 return
@@ -134,7 +154,12 @@ def demo(
     scan: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your scan mesh")] = None,
     seed: Seed = 0,
 ) -> None:
-    """Show the service at work: a dental arch by formula and a print of it, or your own two files."""
+    """Show the service at work: a dental arch by formula and a print of it, or your own two files.
+
+    `cusp demo`
+
+    `cusp demo --design design.stl --scan scan.ply --out result`
+    """
     from service.demo import run_demo  # it draws on libraries that no other command needs
 
     raise typer.Exit(run_demo(server=server, data_dir=data_dir, out=out, design=design, scan=scan, seed=seed))
@@ -146,5 +171,5 @@ def _conclude(results: dict[str, Any], out: Path | None, as_json: bool) -> None:
         typer.echo(json.dumps(results, indent=2))
     else:
         print_results(results, out, Console())
-    if results["type"] == "registration" and results["verdict"]["status"] != "ok":
-        raise typer.Exit(EXIT_OTHER_VERDICT)
+    if results["type"] == "registration":
+        raise typer.Exit(EXITS[results["verdict"]["status"]])

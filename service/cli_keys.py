@@ -41,7 +41,10 @@ def create(
 def list_keys(
     data_dir: DataDir = None, as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False
 ) -> None:
-    """List the keys, without their secrets."""
+    """List the keys, without their secrets.
+
+    `cusp keys list`
+    """
     with _keys(data_dir) as keys:
         rows = keys.all()
     if as_json:
@@ -56,7 +59,10 @@ def list_keys(
 
 @app.command()
 def revoke(key_id: Annotated[str, typer.Argument(help="of `cusp keys list`")], data_dir: DataDir = None) -> None:
-    """Refuse the key from now on. Its tenant's jobs stay."""
+    """Refuse the key from now on. Its tenant's jobs stay.
+
+    `cusp keys revoke 1f0c9a77b2e4`
+    """
     with _keys(data_dir) as keys:
         if not keys.revoke(key_id):
             refuse(f"no key {key_id!r} is in use; see `cusp keys list`")

@@ -19,7 +19,10 @@ def secret(
         Path | None, typer.Option(help="data folder of the service [CUSP_DATA_DIR or cusp-data]")
     ] = None,
 ) -> None:
-    """Print the secret (`whsec_...`), for the receiver to check `webhook-signature` with."""
+    """Print the secret (`whsec_...`), for the receiver to check `webhook-signature` with.
+
+    `cusp webhooks secret --tenant acme --rotate`
+    """
     with opened_database(data_dir) as engine:
         deliveries = Deliveries(engine)
         typer.echo(deliveries.rotate(tenant) if rotate else deliveries.secrets(tenant)[0])

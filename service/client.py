@@ -1,41 +1,41 @@
-"""A small synchronous client of the HTTP API: what `cusp submit` and `cusp demo` use, and yours if you like.
+"""Client of the HTTP API: what `cusp submit` and `cusp demo` use, and yours if you like.
 
-with Client("http://127.0.0.1:8000") as cusp:
-    job = cusp.submit(Path("design.stl"), Path("scan.stl"), {"tolerance_mm": 0.1})
-    job = cusp.wait(job.id)
-    print(cusp.results(job.id)["verdict"]["status"])
-    job = cusp.submit(Path("part.stl"), job_type="landmarks")
+    from service.client import register
+
+    print(register("design.stl", "scan.stl", tolerance_mm=0.1).result().verdict.status)
+
+    with Client("http://127.0.0.1:8000") as cusp:
+        design = cusp.put_blob("design.stl")                      # sent once, used for a thousand scans
+        jobs = [cusp.register(design, scan) for scan in scans]
+        for job in jobs:
+            result = job.result()                                 # typed; of a failed job ServiceProblem is raised
+            print(result.verdict.status, result.metrics.rmse_mm)
+
+`service.async_client` has the same with `await`.
 """
 
-import json
-import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar, Unpack
 
 import httpx
-from pydantic import ValidationError
+from tenacity import Retrying
 
-from service.job_types import MESHES
-from service.schemas import Blob, FileEntry, FileList, Job, JobType, Problem
+from pipeline import LandmarksResult, RegistrationResult, StudyResult
+from service import calls
+from service.calls import DEFAULT_SERVER, PATIENCE_S, Call, JobOptions, OnSent, ServiceProblem, ServiceUnreachable
+from service.schemas import Blob, FileEntry, Job, JobType
 
-CONNECT_TIMEOUT_S = 5.0
-TRANSFER_TIMEOUT_S = 300.0  # without a byte moving
+__all__ = ["Client", "Running", "ServiceProblem", "ServiceUnreachable", "register"]
 
-
-class ServiceProblem(Exception):
-    """The service said no; `problem` is its RFC 9457 document."""
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        super().__init__(f"{problem.title} ({problem.status} {problem.code}): {problem.detail}")
-
-
-class ServiceUnreachable(Exception):
-    """Nobody answers at the address."""
+R = TypeVar("R")
+Result = TypeVar("Result", RegistrationResult, LandmarksResult, StudyResult)
+Mesh = Path | str | Blob
+WAIT_S = 20  # that one request may stay open
 
 
 def _ignore(_: Job) -> None:
@@ -45,15 +45,20 @@ def _ignore(_: Job) -> None:
 class Client:
     """Speaks to one server. Not thread-safe; close it, or use it as a context manager."""
 
-    def __init__(self, server: str, api_key: str | None = None) -> None:
-        """api_key : by default `CUSP_API_KEY` of the environment, if any."""
+    def __init__(
+        self,
+        server: str = DEFAULT_SERVER,
+        api_key: str | None = None,
+        *,
+        patience_s: float = PATIENCE_S,
+        keep_alive: bool = True,
+    ) -> None:
+        """api_key : by default `CUSP_API_KEY` of the environment, if any; patience_s : how long a call is tried again
+        while nobody answers, or the service says that it is busy; keep_alive : as `calls.connection`
+        """
         self.server = server.rstrip("/")
-        key = api_key or os.environ.get("CUSP_API_KEY")
-        headers = {"Authorization": f"Bearer {key}"} if key else {}
-        timeout = httpx.Timeout(TRANSFER_TIMEOUT_S, connect=CONNECT_TIMEOUT_S)
-        is_near = httpx.URL(self.server).host in ("127.0.0.1", "::1", "localhost")
-        # A proxy of the environment is for the world outside; it cannot reach this machine's own loopback.
-        self._http = httpx.Client(base_url=self.server, timeout=timeout, headers=headers, trust_env=not is_near)
+        self._patience_s = patience_s
+        self._http = httpx.Client(**calls.connection(self.server, api_key, keep_alive=keep_alive))
 
     def __enter__(self) -> Self:
         return self
@@ -74,6 +79,18 @@ class Client:
         except httpx.TransportError:
             return False
 
+    def register(self, design: Mesh, scan: Mesh, **options: Unpack[JobOptions]) -> "Running[RegistrationResult]":
+        """Start a registration. options : as in the API, `tolerance_mm=0.1, label="part 42"`."""
+        return Running(self, self._start("registration", {"design": design, "scan": scan}, options), RegistrationResult)
+
+    def landmarks(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[LandmarksResult]":
+        """Start a search for segments and landmarks."""
+        return Running(self, self._start("landmarks", {"mesh": mesh}, options), LandmarksResult)
+
+    def study(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[StudyResult]":
+        """Start a study of what landmarks are worth."""
+        return Running(self, self._start("study", {"mesh": mesh}, options), StudyResult)
+
     def submit(
         self,
         mesh: Path,
@@ -81,6 +98,7 @@ class Client:
         options: Mapping[str, Any] | None = None,
         *,
         job_type: JobType = "registration",
+        on_sent: OnSent | None = None,
     ) -> Job:
         """Upload the files as `curl` would, and start a job. Returns at once, with the job accepted.
 
@@ -88,27 +106,19 @@ class Client:
         ----------
         mesh : the design of a registration; of the other types, the mesh
         scan : of a registration only
+        on_sent : hears how many more bytes of the files were sent
         """
-        given = [mesh] if scan is None else [mesh, scan]
-        if len(given) != len(MESHES[job_type]):
-            raise ValueError(f"a {job_type} job takes {' and '.join(MESHES[job_type])}, not {len(given)} file(s)")
-        with ExitStack() as stack:
-            files = {
-                name: (path.name, stack.enter_context(path.open("rb")))
-                for name, path in zip(MESHES[job_type], given, strict=True)
-            }
-            data = {"type": job_type, "options": json.dumps(dict(options or {}))}
-            return Job.model_validate_json(self._call("POST", "/v1/jobs", files=files, data=data).content)
+        first = "design" if job_type == "registration" else "mesh"
+        given: dict[str, Path | Blob] = {first: mesh} if scan is None else {first: mesh, "scan": scan}
+        return self._do(calls.submit(job_type, given, options or {}, on_sent=on_sent))
 
-    def put_blob(self, mesh: Path) -> Blob:
+    def put_blob(self, mesh: Path | str) -> Blob:
         """Upload one mesh for later jobs."""
-        with mesh.open("rb") as body:
-            answer = self._call("PUT", "/v1/blobs", content=body, params={"filename": mesh.name})
-        return Blob.model_validate_json(answer.content)
+        return self._do(calls.put_blob(Path(mesh)))
 
     def job(self, job_id: str) -> Job:
         """The status now."""
-        return Job.model_validate_json(self._call("GET", f"/v1/jobs/{job_id}").content)
+        return self._do(calls.job(job_id))
 
     def wait(
         self,
@@ -137,12 +147,11 @@ class Client:
 
     def results(self, job_id: str) -> dict[str, Any]:
         """results.json; of a failed job, raises its problem."""
-        results: dict[str, Any] = self._call("GET", f"/v1/jobs/{job_id}/results").json()
-        return results
+        return self._do(calls.results(job_id))
 
     def files(self, job_id: str) -> list[FileEntry]:
         """What can be downloaded."""
-        return FileList.model_validate_json(self._call("GET", f"/v1/jobs/{job_id}/files").content).files
+        return self._do(calls.files(job_id))
 
     def download(self, job_id: str, name: str, path: Path) -> Path:
         """Stream one file of the job to `path`; a broken transfer leaves no file behind."""
@@ -151,12 +160,12 @@ class Client:
             with self._http.stream("GET", f"/v1/jobs/{job_id}/files/{name}") as answer:
                 if answer.is_error:
                     answer.read()
-                    raise _problem_of(answer)
+                    raise calls.problem_of(answer)
                 with partial.open("wb") as file:
                     for chunk in answer.iter_bytes():
                         file.write(chunk)
         except httpx.TransportError as error:
-            raise self._unreachable(error) from error
+            raise calls.unreachable(self.server, error) from error
         else:
             return partial.replace(path)
         finally:
@@ -164,35 +173,73 @@ class Client:
 
     def dismiss(self, job_id: str) -> None:
         """Drop, kill or remove the job, whichever applies."""
-        self._call("DELETE", f"/v1/jobs/{job_id}")
+        self._do(calls.dismiss(job_id))
 
-    def _call(self, method: str, path: str, **given: Any) -> httpx.Response:
-        try:
-            answer = self._http.request(method, path, **given)
-        except httpx.TransportError as error:
-            raise self._unreachable(error) from error
-        if answer.is_error:
-            raise _problem_of(answer)
+    def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
+        given = {name: mesh if isinstance(mesh, Blob) else Path(mesh) for name, mesh in meshes.items()}
+        if any(isinstance(mesh, Blob) for mesh in given.values()):  # then all are sent as blobs
+            given = {name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh for name, mesh in given.items()}
+        return self._do(calls.submit(job_type, given, options))
+
+    def _do(self, call: Call[R]) -> R:
+        answer: R = Retrying(**calls.patience(self._patience_s, call))(self._once, call)
         return answer
 
-    def _unreachable(self, error: httpx.TransportError) -> ServiceUnreachable:
-        reason = str(error) or type(error).__name__
-        return ServiceUnreachable(f"no answer from {self.server}: {reason}; start the service with `cusp up`")
+    def _once(self, call: Call[R]) -> R:
+        with ExitStack() as opened:
+            try:
+                return call.answer(self._http.request(call.method, call.path, **call.request(opened)))
+            except httpx.TransportError as error:
+                raise calls.unreachable(self.server, error) from error
 
 
-def _problem_of(answer: httpx.Response) -> ServiceProblem:
-    """The problem of an answer; of something that is not ours (a proxy), one made from its status."""
-    try:
-        return ServiceProblem(Problem.model_validate_json(answer.content))
-    except ValidationError:
-        return ServiceProblem(
-            Problem.model_validate(
-                {
-                    "type": "about:blank",
-                    "title": answer.reason_phrase or "HTTP error",
-                    "status": answer.status_code,
-                    "detail": answer.text[:500],
-                    "code": "http_error",
-                }
-            )
-        )
+@dataclass(frozen=True, slots=True)
+class Running(Generic[Result]):
+    """A job that was started. job : its status when it was accepted"""
+
+    client: Client
+    job: Job
+    _type: type[Result]
+
+    @property
+    def id(self) -> str:
+        """Of the job: all that another process needs."""
+        return self.job.id
+
+    def result(self, timeout_s: float | None = None) -> Result:
+        """Wait for the end, and return the results.
+
+        Raises
+        ------
+        ServiceProblem
+            Of a job that failed or was dismissed, why.
+        TimeoutError
+            When it is not final after `timeout_s`; it goes on running.
+        """
+        deadline = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        while not self.client._do(calls.job(self.id, wait_for(deadline))).is_final:
+            if time.monotonic() >= deadline:
+                raise TimeoutError(f"job {self.id} is not final after {timeout_s} s")
+        return self.client._do(calls.typed_results(self.id, self._type))
+
+    def download(self, folder: Path | str) -> list[Path]:
+        """Every file of the job, into a folder that is made when it is not there."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        return [self.client.download(self.id, file.name, target / file.name) for file in self.client.files(self.id)]
+
+    def dismiss(self) -> None:
+        """Stop it."""
+        self.client.dismiss(self.id)
+
+
+def wait_for(deadline: float) -> int:
+    """Whole seconds that one request may wait."""
+    return max(1, int(min(WAIT_S, deadline - time.monotonic())))
+
+
+def register(
+    design: Mesh, scan: Mesh, *, server: str = DEFAULT_SERVER, api_key: str | None = None, **options: Unpack[JobOptions]
+) -> Running[RegistrationResult]:
+    """Start a registration: `register("design.stl", "scan.stl", tolerance_mm=0.1).result()`."""
+    return Client(server, api_key, keep_alive=False).register(design, scan, **options)
