@@ -158,6 +158,10 @@ def _job(status: Status) -> Any:
         progress={Status.RUNNING: 31.5, Status.SUCCESSFUL: 100.0, Status.FAILED: 1.0}.get(status, 0.0),
         message="distances on the scan" if status is Status.RUNNING else None,
         label="bracket-0042",
+        inputs={
+            "design": {"blob": BLOB_ID, "filename": "bracket.stl"},
+            "scan": {"blob": OTHER_BLOB_ID, "filename": "bracket-0042.ply"},
+        },
         created_ms=1_790_000_000_000,
         started_ms=1_790_000_000_060 if begun else None,
         finished_ms=1_790_000_004_210 if status.is_final else None,

@@ -84,7 +84,9 @@ class Options(Request):
     settings: dict[str, JsonValue] = Field({}, description="any part of the pipeline's Settings, over the preset")
     units: Units = Field(Units(), description="unit of each file")
     tolerance_mm: float | None = Field(
-        None, gt=0, description="`registration` only: for `deviation.within/above/below` of the results"
+        None,
+        gt=0,
+        description="`registration` only: for `deviation.within/above/below`, and how certain (one sigma) the pose must be",
     )
     study: StudySettings | None = Field(
         None, description="`study` only: what to do; each key that is sent goes over `settings.study`"
@@ -143,6 +145,21 @@ class Blob(Response):
     format: str = Field(description="what the content looks like: stl, ply, obj, off, 3mf, glb, xyz")
 
 
+class JobInput(Response):
+    """A mesh of a job, as another job may name it: a design is sent once and used for many scans."""
+
+    blob: BlobId
+    filename: str | None = Field(description="as it was sent; null: none was")
+
+
+class JobInputs(Response):
+    """The meshes of a job; null are those that its type does not have."""
+
+    design: JobInput | None = Field(description="of a `registration`")
+    scan: JobInput | None = Field(description="of a `registration`")
+    mesh: JobInput | None = Field(description="of a `landmarks` or `study` job")
+
+
 class Links(Response):
     """Where to go from a job."""
 
@@ -161,6 +178,7 @@ class Job(Response):
     progress: float = Field(ge=0, le=100, description="percent of the whole job; never falls within an attempt")
     message: str | None = Field(description="the stage in words")
     label: str | None = Field(description="as sent in `options`")
+    inputs: JobInputs = Field(description="the meshes it is about")
     created: datetime = Field(description="when it was accepted")
     started: datetime | None = Field(description="of the latest attempt")
     finished: datetime | None = Field(description="when it became final")

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 
 from service.jobs import JobRow
-from service.schemas import FileEntry, FileList, Job, Links, Problem
+from service.schemas import FileEntry, FileList, Job, JobInputs, Links, Problem
 
 
 def job_of(row: JobRow) -> Job:
@@ -18,6 +18,7 @@ def job_of(row: JobRow) -> Job:
             "progress": round(row.progress, 1),
             "message": row.message,
             "label": row.label,
+            "inputs": {name: row.inputs.get(name) for name in JobInputs.model_fields},
             "created": time_of(row.created_ms),
             "started": time_of(row.started_ms),
             "finished": time_of(row.finished_ms),

@@ -2,6 +2,8 @@
 
 const STOPS = [[59, 76, 192], [77, 104, 215], [98, 130, 234], [119, 154, 247], [141, 176, 254], [163, 194, 255], [184, 208, 249], [204, 217, 238], [221, 221, 221], [236, 211, 197], [245, 196, 173], [247, 177, 148], [244, 154, 123], [236, 127, 99], [222, 96, 77], [203, 62, 56], [180, 4, 38]];
 export const NOT_COUNTED = [115, 115, 115];
+/** glTF has no NaN: what is not counted is 1e31. */
+export const isCounted = (mm) => Number.isFinite(mm) && mm < 1e30;
 
 /** share in [-1, 1] -> [r, g, b] of 255 */
 export function at(share) {

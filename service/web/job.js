@@ -1,0 +1,100 @@
+/** One job: how far it is, and when it is done what it found. */
+
+import * as api from './api.js';
+import * as centres from './centres.js';
+import { $, element, say } from './dom.js';
+import * as files from './files.js';
+import * as part from './part.js';
+import { meshes, time } from './words.js';
+
+const BOTH = ['load', 'clean', 'resample', 'geodesics', 'segmentation', 'features', 'landmarks'];
+const STAGES = {
+  registration: [...BOTH, 'matching', 'registration', 'deviation', 'report'],
+  landmarks: [...BOTH, 'report'],
+  study: ['load', 'clean', 'study', 'report'],
+};
+const PAGES = { registration: './registration.js', landmarks: './landmarks.js', study: './study.js' };
+
+/** signal : aborted when people go elsewhere */
+export async function open(id, signal) {
+  for (const box of ['result', 'failed', 'verdict', 'viewer', 'graph', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
+  delete $('result').dataset.shown;
+  $('job-title').textContent = 'Job';
+  $('job-made').textContent = '';
+  $('stage').textContent = '';
+  $('new-again').href = `#again-${id}`;
+  $('cancel').onclick = () => api.remove(`/v1/jobs/${id}`).catch((error) => say('failed', error));
+  $('remove').onclick = () => remove(id);
+  $('job-title').focus();
+  try {
+    for await (const job of api.watch(id, signal)) {
+      tell(job);
+      if (job.status === 'failed') say('failed', new api.Refused(job.error, 0));
+      if (job.status === 'dismissed') say('failed', new Error('This job was dismissed.'));
+      if (job.status === 'successful') await show(job, signal);
+    }
+  } catch (error) {
+    if (!signal.aborted) say('failed', error);
+  }
+}
+
+export function close() {
+  part.close();
+  centres.close();
+}
+
+async function remove(id) {
+  if (!confirm('Remove this job with its results?')) return;
+  try {
+    await api.remove(`/v1/jobs/${id}`);
+    location.hash = '';
+  } catch (error) {
+    say('failed', error);
+  }
+}
+
+function tell(job) {
+  const isFinal = job.finished !== null;
+  $('job-title').textContent = job.label ? `${job.type}: ${job.label}` : job.type;
+  document.title = `${isFinal ? job.status : `${Math.floor(job.progress)} %`} · ${job.label ?? job.type} · Cusp`;
+  const took = job.started && job.finished ? ` · ${((new Date(job.finished) - new Date(job.started)) / 1000).toFixed(1)} s` : '';
+  $('job-made').textContent = `${meshes(job.inputs)} · ${time(job.created)}${took} · ${job.id}`;
+  $('progress-box').hidden = isFinal;
+  $('remove').hidden = !isFinal;
+  $('progress').value = job.progress;
+  const words = isFinal ? job.status : job.status === 'accepted' ? 'waiting for its turn' : job.message ?? job.status;
+  $('stage').classList.toggle('unseen', isFinal);
+  if ($('stage').textContent !== words) $('stage').textContent = words; // told once by screen readers
+  $('percent').textContent = `${job.progress.toFixed(0)} %`;
+  const stages = STAGES[job.type];
+  const at = stages.indexOf(job.stage);
+  $('stages').replaceChildren(...stages.map((stage, k) => {
+    const item = element('li', stage, { className: k < at ? 'done' : '' });
+    if (k === at) item.setAttribute('aria-current', 'step');
+    return item;
+  }));
+}
+
+async function show(job, signal) {
+  const [results, listed, page] = await Promise.all([
+    api.json(`/v1/jobs/${job.id}/results`),
+    api.json(`/v1/jobs/${job.id}/files`),
+    import(PAGES[job.type]),
+  ]);
+  if (signal.aborted) return;
+  $('result').hidden = false;
+  $('files').replaceChildren(...files.list(listed.files));
+  const notes = [...(byHand(results) ?? []), ...results.warnings.map((each) => each.detail)];
+  $('warnings').replaceChildren(...notes.map((each) => element('li', each)));
+  const sizes = new Map(listed.files.map((file) => [file.name, file.size]));
+  await page.show(job, results, sizes, signal);
+  if (!signal.aborted) $('result').dataset.shown = job.id;
+}
+
+/** What tells this job from one with the same label. */
+function byHand({ type, provenance }) {
+  const { rho_min: rho, delta_min_mm: delta, n_centres: count } = provenance.settings.segmentation;
+  if (type === 'study') return null;
+  if (rho !== null || delta !== null) return [`Centres were chosen by hand: ρ at least ${rho ?? 0}, δ at least ${delta ?? 0} mm.`];
+  return count === null ? null : [`The number of centres was chosen by hand: ${count}.`];
+}

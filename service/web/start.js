@@ -1,0 +1,122 @@
+/** A new job: its meshes as files or as what was sent before, and what matters of its options. */
+
+import * as api from './api.js';
+import { $, say } from './dom.js';
+import * as earlier from './earlier.js';
+
+const MESHES = { registration: ['design', 'scan'], landmarks: ['mesh'] };
+const HINT = 'Drop a file here, or choose one';
+const slots = Object.fromEntries([...document.querySelectorAll('.slot')].map((slot) => [slot.dataset.mesh, {
+  box: slot,
+  file: slot.querySelector('input'),
+  said: slot.querySelector('output'),
+  before: slot.querySelector('[data-what=earlier]'),
+  unit: slot.querySelector('[data-what=unit]'),
+}]));
+
+for (const slot of Object.values(slots)) {
+  const { box, file, before } = slot;
+  file.addEventListener('change', () => { if (file.files.length) before.value = ''; tell(slot); });
+  before.addEventListener('change', () => { if (before.value) file.value = ''; tell(slot); });
+  for (const kind of ['dragenter', 'dragover']) box.addEventListener(kind, (event) => { event.preventDefault(); box.classList.add('over'); });
+  for (const kind of ['dragleave', 'drop']) box.addEventListener(kind, () => box.classList.remove('over'));
+  box.addEventListener('drop', (event) => {
+    event.preventDefault();
+    if (!event.dataTransfer.files.length) return;
+    file.files = event.dataTransfer.files;
+    before.value = '';
+    tell(slot);
+  });
+}
+for (const radio of $('form').elements.type) radio.addEventListener('change', dress);
+$('form').addEventListener('submit', submit);
+dress();
+
+/** Offer what was sent before; `job`: choose its meshes. */
+export async function show(job = null) {
+  await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
+  if (!job) return;
+  $('form').elements.type.value = job.type in MESHES ? job.type : 'landmarks';
+  $('form').elements.label.value = job.label ?? '';
+  for (const [name, given] of Object.entries(job.inputs)) {
+    if (!given) continue;
+    slots[name].file.value = '';
+    slots[name].before.value = given.blob;
+    tell(slots[name]);
+  }
+  dress();
+}
+
+function tell({ file, said, before, box }) {
+  said.textContent = file.files[0]?.name ?? (before.value ? before.selectedOptions[0].textContent : HINT);
+  box.classList.toggle('filled', Boolean(file.files.length || before.value));
+}
+
+function dress() {
+  const wanted = MESHES[$('form').elements.type.value];
+  for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
+  $('tolerance-field').hidden = !wanted.includes('scan');
+  $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
+}
+
+async function submit(event) {
+  event.preventDefault();
+  const form = event.target;
+  const type = form.elements.type.value;
+  $('refused').hidden = true;
+  const missing = MESHES[type].find((name) => !slots[name].file.files.length && !slots[name].before.value);
+  if (missing) {
+    say('refused', new Error(`${missing}: choose a file, or one that was sent before.`));
+    slots[missing].file.focus();
+    return;
+  }
+  $('go').disabled = true;
+  try {
+    location.hash = (await sent(type, options(form, type))).id;
+    form.reset();
+    for (const slot of Object.values(slots)) tell(slot);
+    dress();
+  } catch (error) {
+    say('refused', error);
+  } finally {
+    $('go').disabled = false;
+    $('sending').hidden = true;
+  }
+}
+
+function options(form, type) {
+  const units = Object.fromEntries(MESHES[type].map((name) => [name, slots[name].unit.value]).filter(([, unit]) => unit !== 'auto'));
+  const { tolerance_mm: tolerance, label, preset } = form.elements;
+  return {
+    ...(Object.keys(units).length ? { units } : {}),
+    ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
+    ...(label.value ? { label: label.value } : {}),
+    ...(preset.value === 'default' ? {} : { preset: preset.value }),
+  };
+}
+
+/** One form where all meshes are files; else what is new goes first, and the job names blobs. */
+async function sent(type, given) {
+  const names = MESHES[type];
+  if (names.every((name) => slots[name].file.files.length)) {
+    const form = new FormData();
+    form.append('type', type);
+    form.append('options', JSON.stringify(given));
+    for (const name of names) form.append(name, slots[name].file.files[0]);
+    return api.send('POST', '/v1/jobs', form, progress(names.join(' and ')));
+  }
+  const request = { type, options: given };
+  for (const name of names) {
+    const file = slots[name].file.files[0];
+    request[name] = file
+      ? { blob: (await api.send('PUT', `/v1/blobs?filename=${encodeURIComponent(file.name)}`, file, progress(name))).id, filename: file.name }
+      : earlier.reference(slots[name].before.value);
+  }
+  return api.start(request);
+}
+
+const progress = (what) => (share) => {
+  $('sending').hidden = false;
+  $('sent').value = 100 * share;
+  $('sent-words').textContent = share < 1 ? `sending ${what}` : 'checking';
+};
