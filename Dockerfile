@@ -27,10 +27,12 @@ LABEL org.opencontainers.image.title="Cusp" \
       org.opencontainers.image.description="Register the scan of a 3D-printed part to its design, with nobody picking points." \
       org.opencontainers.image.licenses="GPL-3.0-only"
 # What the wheels of open3d and pymeshlab expect of the system. Without libopengl0, pymeshlab loads but loses
-# its meshing filters, without a word: hence the check below, and another at each start of the service.
+# its meshing filters, without a word: hence the check below, and another at each start of the service. Pango, HarfBuzz and
+# a font are for PDF reports.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
-        libegl1 libgl1 libopengl0 libusb-1.0-0 python3 \
+        libegl1 libgl1 libopengl0 libusb-1.0-0 \
+        libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core python3 \
     && rm -rf /var/lib/apt/lists/* \
     && groupadd --gid 10001 cusp \
     && useradd --uid 10001 --gid cusp --no-create-home --home-dir /data --shell /usr/sbin/nologin cusp \

@@ -3,8 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-# What the wheels of open3d and pymeshlab load, a compiler for the native kernels, and venv itself.
-SYSTEM := libegl1 libgl1 libopengl0 libusb-1.0-0 g++ python3-venv
+# What the wheels of open3d and pymeshlab load; what sets the text of PDF reports; a compiler for the native kernels, and venv
+# itself.
+SYSTEM := libegl1 libgl1 libopengl0 libusb-1.0-0 \
+    libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core \
+    g++ python3-venv
 HOST ?= 127.0.0.1
 PORT ?= 8000
 
@@ -74,7 +77,7 @@ bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on r
 	$(BIN)/python -m tests.accuracy.teeth
 	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt kiss-matcher rtree
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt kiss-matcher
 	$(BIN)/python -m tests.accuracy.gauntlet --seeds 1 --peers --out gauntlet.jsonl
 
 clean: ## remove what setup and the tools made

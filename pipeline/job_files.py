@@ -1,21 +1,33 @@
 """What a job leaves to look at: coloured meshes, drawings, and the report, from what the stages found."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pipeline import deviation_histogram, report_page, viewing
+from pipeline import deviation_histogram, report_page, report_pdf, three_mf, viewing
 from pipeline.analysis import Analysis
 from pipeline.colour_scale import ColourScale
 from pipeline.design import Design
 from pipeline.mesh import FloatArray, Mesh
-from pipeline.outcome import LandmarksResult, RegistrationResult, StudyResult
-from pipeline.report_page import Pictures, views_of
+from pipeline.outcome import LandmarksResult, Note, RegistrationResult, StudyResult
+from pipeline.report_page import Pictures, Views, views_of
+from pipeline.settings import ReportSettings
 from pipeline.stages import report
 from pipeline.stages.deviation import Deviations
 
 OF_DEVIATION = ("deviation.ply", "deviation.glb", "deviation_histogram.svg")
 PAGE = "report.html"
+ALIGNED_3MF = "aligned.3mf"
+SEGMENTS_NOTE = "One colour a segment, halo paler; dots are landmarks."
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What the settings asked for beside the page. files : names; notes : why one is not among them"""
+
+    files: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def write_deviation(out: Path, aligned: Mesh, measured: Deviations) -> list[str]:
@@ -33,31 +45,75 @@ def write_deviation(out: Path, aligned: Mesh, measured: Deviations) -> list[str]
 
 
 def write_registration_page(
-    out: Path, result: RegistrationResult, design: Design, scan: Analysis, aligned: Mesh | None, measured: Deviations
-) -> None:
-    """aligned : the scan on the design; None without a pose"""
-    scale = None if aligned is None or measured.summary is None else _scale(measured)
-    pictures = None
-    if aligned is not None and scale is not None:
-        shown, colours = viewing.lighter(aligned, scale.colours(measured.signed_mm, measured.counted))
-        pictures = Pictures("", "deviation of the scan", views_of(shown, colours, design.analysis.mesh))
-    parts = [
-        _segments("Design: segments and landmarks", design.analysis),
-        _segments("Scan: segments and landmarks", scan),
-    ]
-    page = report_page.registration(result, deviation=pictures, parts=parts, scale=scale, out=out)
-    (out / PAGE).write_text(page, encoding="utf-8")
+    out: Path,
+    result: RegistrationResult,
+    design: Design,
+    scan: Analysis,
+    aligned: Mesh | None,
+    measured: Deviations,
+    settings: ReportSettings,
+) -> Written:
+    """The page, and what the settings ask for beside it. aligned : the scan on the design; None without a pose"""
+    views = Views(
+        placed=_placed(result, design, scan, aligned, measured),
+        parts=_parts(design.analysis, scan, aligned),
+        sizes=_sizes(result, design.analysis.mesh, aligned, scan.mesh),
+    )
+    more = _write_page(out, report_page.registration(result, views, out), settings)
+    if aligned is None or not settings.three_mf:
+        return more
+    coloured = _write_three_mf(out, aligned, measured)
+    return Written((*more.files, *coloured.files), (*more.notes, *coloured.notes))
 
 
-def write_landmarks_page(out: Path, result: LandmarksResult, found: Analysis) -> None:
+def write_landmarks_page(out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings) -> Written:
     """The page of a landmarks job."""
-    parts = [_segments("Segments and landmarks", found, count=4)]
-    (out / PAGE).write_text(report_page.landmarks(result, parts, out), encoding="utf-8")
+    shown = Pictures(
+        "Segments and landmarks", "segments of the", _segments("mesh", found, found.mesh, count=4), SEGMENTS_NOTE
+    )
+    return _write_page(out, report_page.landmarks(result, shown, out), settings)
 
 
-def write_study_page(out: Path, result: StudyResult) -> None:
+def write_study_page(out: Path, result: StudyResult, settings: ReportSettings) -> Written:
     """The page of a study."""
-    (out / PAGE).write_text(report_page.study(result, out), encoding="utf-8")
+    return _write_page(out, report_page.study(result, out), settings)
+
+
+def _write_page(out: Path, text: str, settings: ReportSettings) -> Written:
+    (out / PAGE).write_text(text, encoding="utf-8")
+    if not settings.pdf:
+        return Written()
+    notes = report_pdf.write(out / PAGE, out / report_pdf.NAME)
+    return Written(notes=tuple(notes)) if notes else Written(files=(report_pdf.NAME,))
+
+
+def _write_three_mf(out: Path, aligned: Mesh, measured: Deviations) -> Written:
+    if aligned.is_cloud:
+        detail = f"{ALIGNED_3MF} was not written: the scan is points, and 3MF holds triangles; aligned.ply has them"
+        return Written(notes=(Note(code="no_three_mf", detail=detail),))
+    colours = _scale(measured).colours(measured.signed_mm, measured.counted)
+    three_mf.write(out / ALIGNED_3MF, aligned, colours, "aligned scan")
+    return Written(files=(ALIGNED_3MF,))
+
+
+def _placed(
+    result: RegistrationResult, design: Design, scan: Analysis, aligned: Mesh | None, measured: Deviations
+) -> Pictures | None:
+    """The scan where it fits, or where it fits least badly: the one shows what to mend, the other what went wrong."""
+    title, note = "Deviation of the scan from the design", ""
+    rejected = aligned is None
+    if aligned is None:
+        if not result.alternatives:
+            return None
+        aligned = scan.mesh.moved(np.array(result.alternatives[0].matrix))
+        title = "Not a measurement: the best pose that was tried, and rejected"
+        note = "Where the scan lies on the design here, and where it does not, may tell why the two do not fit."
+    if measured.summary is None:
+        return None
+    scale = _scale(measured)
+    shown, colours = viewing.lighter(aligned, scale.colours(measured.signed_mm, measured.counted))
+    legend = report_page.legend(scale, measured.summary.sign, rejected=rejected)
+    return Pictures(title, "distances of the scan", views_of(shown, colours, design.analysis.mesh), note, legend)
 
 
 def _scale(measured: Deviations) -> ColourScale:
@@ -65,8 +121,32 @@ def _scale(measured: Deviations) -> ColourScale:
     return ColourScale.of(measured.signed_mm, measured.counted, tolerance_mm)
 
 
-def _segments(title: str, found: Analysis, count: int = 2) -> Pictures:
+def _parts(design: Analysis, scan: Analysis, aligned: Mesh | None) -> Pictures:
+    """Segments of both beside each other; with a pose from the same sides, however the scan was uploaded."""
+    if aligned is not None:
+        scan = replace(scan, mesh=aligned)
+    of_design = _segments("design", design, design.mesh, count=2)
+    of_scan = _segments("scan", scan, scan.mesh if aligned is None else design.mesh, count=2)
+    beside = [each for side in zip(of_design, of_scan, strict=True) for each in side]
+    note = f"{SEGMENTS_NOTE} Each mesh is numbered and coloured by itself."
+    return Pictures("Segments and landmarks", "segments of the", beside, note)
+
+
+def _segments(name: str, found: Analysis, like: Mesh, count: int) -> list[tuple[str, bytes]]:
     shown, colours = viewing.lighter(found.mesh, found.segment_colours())
     marks: FloatArray = np.asarray(found.mesh.vertices[found.landmark_vertices])
-    note = "One colour a segment, halo paler; dots are landmarks."
-    return Pictures(title, title, views_of(shown, colours, found.mesh, count=count, marks_mm=marks), note)
+    views = views_of(shown, colours, like, count=count, marks_mm=marks)
+    return [(f"{name} {caption}", data) for caption, data in views]
+
+
+def _sizes(result: RegistrationResult, design: Mesh, aligned: Mesh | None, scan: Mesh) -> str:
+    """Extents along the axes of the design's file; without a pose those of the scan along its own file's."""
+    factor = None if result.scale is None else result.scale.unit_factor
+    times = "" if factor is None else f", its numbers times {factor:.4g},"
+    where = "along the same axes" if aligned is not None else "along the axes of its file"
+    size = _extents(scan if aligned is None else aligned)
+    return f"Design {_extents(design)} along the axes of its file; scan{times} {size} {where}."
+
+
+def _extents(mesh: Mesh) -> str:
+    return " x ".join(f"{x:.1f}" for x in np.ptp(mesh.vertices, axis=0)) + " mm"

@@ -1,184 +1,225 @@
 """`report.html`: one file that says what a job found to whoever stands at the machine. No script, nothing from elsewhere, and
-the same bytes for the same input: it has no date and no timings.
+the same bytes for the same input: it has no date and no timings. Printed, it is A4 with numbered pages.
+
+In order: may the pose be trusted, what needs a look, the figures, the deviation in colours; then what they rest on.
 """
 
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline import palette
+import numpy as np
+
+from pipeline import report_tables as tables
 from pipeline.colour_scale import ColourScale
 from pipeline.mesh import FloatArray, Mesh
 from pipeline.outcome import (
-    DesignDeviation,
     DesignSide,
     Deviation,
-    Distances,
     Input,
     LandmarksResult,
-    Metrics,
+    MadeBy,
     Note,
     RegistrationResult,
-    Segments,
     StudyResult,
     Verdict,
 )
-from pipeline.render import four_views, picture
+from pipeline.render import MARGIN, View, four_views, picture
 
 PICTURE_PX = (520, 380)
 LEGEND_STEPS = 60
+NARROW = 0.18  # of half the legend: closer to zero than this a tick has no room for its words
 MEANING = {
-    "ok": "The pose is found and no other explains the scan as well. The figures below are of this pose.",
+    "ok": "The pose is found and no other explains the scan as well. Whether the print is good, the figures below say.",
     "ambiguous": "More than one pose explains the scan as well: which one is right cannot be told. Do not use the pose unchecked.",
-    "under_constrained": "The part can slide or turn along itself without the fit getting worse: the pose is one of a continuum.",
+    "under_constrained": "The part can slide or turn along itself without the fit getting worse: the pose is one of a continuum. "
+    "Do not use it unchecked.",
     "units_suspect": "The scan fits only when its numbers are taken in another unit. Send it again with the right unit.",
-    "mirrored": "The scan is the mirror image of the design. There is no pose to stand by.",
-    "no_match": "The scan does not fit the design anywhere: another part, too little of it, or a print or scan that failed.",
+    "mirrored": "The scan is the mirror image of the design. There is no pose to stand by, and no deviation is reported.",
+    "no_match": "The scan does not fit the design anywhere: another part, too little of it, or a print or scan that failed. "
+    "No pose and no deviation are reported.",
 }
 MOODS = {"ok": "good", "ambiguous": "warn", "under_constrained": "warn", "units_suspect": "warn"}
 
 
 @dataclass(frozen=True, slots=True)
+class Legend:
+    """colours : from left to right; ticks : (share of the width, words); words : what the colours mean"""
+
+    colours: Sequence[str]
+    ticks: Sequence[tuple[float, str]]
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class Pictures:
-    """A row of pictures; images : (caption, PNG)"""
+    """A row of pictures, two beside each other; images : (caption, PNG)"""
 
     title: str
     alt: str
     images: Sequence[tuple[str, bytes]]
     note: str = ""
+    legend: Legend | None = None
+    kind: str = "pictures"
 
-    def words(self) -> dict[str, object]:
-        images = [(name, b64encode(data).decode()) for name, data in self.images]
-        return {"title": self.title, "alt": self.alt, "images": images, "note": self.note}
+    @property
+    def encoded(self) -> list[tuple[str, str]]:
+        return [(name, b64encode(data).decode()) for name, data in self.images]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """columns named in `numbers` stand to the right; colours : of a swatch before each row"""
+class Drawing:
+    """An SVG. full : across the whole page on paper too, or so that two have room on one"""
 
     title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[object]]
-    numbers: frozenset[str] = frozenset()
-    note: str = ""
-    colours: Sequence[str] = field(default_factory=list)
+    data: bytes
+    full: bool = False
+    kind: str = "drawing"
+
+    @property
+    def encoded(self) -> str:
+        return b64encode(self.data).decode()
+
+
+Section = Pictures | Drawing | tables.Table
+
+
+@dataclass(frozen=True, slots=True)
+class Views:
+    """What a registration's page shows of its meshes. placed : the scan under its pose, or under the best that was rejected;
+    None where it has no distances; parts : both with segments and landmarks; sizes : of both, in words
+    """
+
+    placed: Pictures | None
+    parts: Pictures
+    sizes: str
 
 
 def views_of(
     mesh: Mesh, colours: FloatArray, like: Mesh, *, count: int = 4, marks_mm: FloatArray | None = None
 ) -> list[tuple[str, bytes]]:
-    """Pictures from the sides of `like`, which is in the same frame, all of both in the frame. marks_mm : dots"""
+    """Pictures from the sides of `like`, which is in the same frame, all of both in the frame; captions say how wide
+    they are in mm. marks_mm : dots
+    """
+    frame = like.vertices if mesh is like else np.concatenate([like.vertices, mesh.vertices])
     return [
-        (view.name, picture(mesh, colours, view, like.vertices, *PICTURE_PX, marks_mm=marks_mm))
+        (
+            f"{view.name}; the picture is {_width_mm(view, frame):.3g} mm wide",
+            picture(mesh, colours, view, frame, *PICTURE_PX, marks_mm=marks_mm),
+        )
         for view in four_views(like)[:count]
     ]
 
 
-def registration(
-    result: RegistrationResult,
-    *,
-    deviation: Pictures | None,
-    parts: Sequence[Pictures],
-    scale: ColourScale | None,
-    out: Path,
-) -> str:
+def _width_mm(view: View, frame: FloatArray) -> float:
+    """What `picture` fits into its width."""
+    width, height = np.ptp(frame @ view.axes[:2].T, axis=0)
+    return float(MARGIN * max(width, height * PICTURE_PX[0] / PICTURE_PX[1]))
+
+
+def registration(result: RegistrationResult, views: Views, out: Path) -> str:
     """The page of a registration; the drawings are read from `out`."""
-    found, metrics = result.deviation, result.metrics
-    tiles: list[tuple[str, str]] = []
+    found, posed = result.deviation, result.transform is not None
+    sections: list[Section] = [] if views.placed is None else [views.placed]
     if found is not None:
-        tiles = [
-            ("RMS deviation", f"{found.rms_mm:.3f} mm"),
-            ("mean (SD)", f"{found.mean_mm:+.3f} ({found.sd_mm:.3f}) mm"),
-            ("from 1 % to 99 %", f"{found.p01_mm:+.3f} to {found.p99_mm:+.3f} mm"),
-            ("of the design seen", f"{metrics.design_coverage:.0%}" if metrics.design_coverage is not None else "-"),
-        ]
-        if found.within is not None and found.tolerance_mm is not None:
-            share = f"{found.within:.1%}"
-            tiles.insert(0, (f"of the area within ±{found.tolerance_mm:g} mm", share))
-    tables = [] if found is None else [_both_ways(found, result.deviation_of_design, metrics)]
-    if found is not None and found.by_segment:
-        tables.append(
-            Table(
-                "Deviation by segment of the design",
-                ("segment", "vertices", "mean, mm", "SD, mm", "RMS, mm", "least, mm", "most, mm"),
-                [
-                    (
-                        *(each.segment, each.n, f"{each.mean_mm:+.3f}", f"{each.sd_mm:.3f}", f"{each.rms_mm:.3f}"),
-                        *(f"{each.min_mm:+.3f}", f"{each.max_mm:+.3f}"),
-                    )
-                    for each in found.by_segment
-                ],
-                frozenset({"vertices", "mean, mm", "SD, mm", "RMS, mm", "least, mm", "most, mm"}),
-                "Of the scan's vertices by the segment of the closest design point; area-weighted.",
-                [_hex(palette.of_segment(each.segment)) for each in found.by_segment],
-            )
-        )
-    tables += [
-        _metrics(result),
-        *_alternatives(result),
-        *_provenance(
-            {"design": result.provenance.inputs.design, "scan": result.provenance.inputs.scan},
-            result.provenance.version,
-            result.provenance.seed,
-        ),
-    ]
-    posed = result.transform is not None
-    names = [("Histogram", "deviation_histogram.svg")] if found is not None else []
-    names += [("Decision graph of the design", "design.decision_graph.svg")]
-    names += [("Decision graph of the scan", "scan.decision_graph.svg")]
+        sections += _drawing(out, "Histogram of the deviation", "deviation_histogram.svg")
+        sections += [tables.both_ways(found, result.deviation_of_design, result.metrics)]
+        sections += tables.by_segment(found.by_segment)
+    sections += tables.pose(result.transform)
+    sections += [tables.registration(result)]
+    sections += tables.alternatives(result.alternatives, rejected=not posed)
+    sections += [views.parts]
+    sections += _drawing(out, "Decision graph of the design", "design.decision_graph.svg")
+    sections += _drawing(out, "Decision graph of the scan", "scan.decision_graph.svg")
     counted = f"{len(result.landmarks.design)} landmarks on the design, {len(result.landmarks.scan)} on the scan"
     return _render(
-        title="Registration of a scan to its design",
-        subtitle=f"{counted}, {len(result.landmarks.matches)} matched" if posed else counted,
-        verdict=_verdict(result.verdict),
-        tiles=tiles,
-        legend=None if scale is None or found is None else _legend(scale, found.sign),
-        pictures=[each.words() for each in (*([deviation] if deviation else []), *parts)],
-        drawings=_drawings(out, names),
-        tables=tables,
-        warnings=_notes(result.warnings),
+        *("Registration of a scan to its design", sections, result.warnings),
+        inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
+        made_by=result.provenance,
+        subtitle=f"{views.sizes} {counted}, {len(result.landmarks.matches)} matched."
+        if posed
+        else f"{views.sizes} {counted}.",
+        verdict=result.verdict,
+        tiles=_figures(result, found),
     )
 
 
-def landmarks(result: LandmarksResult, parts: Sequence[Pictures], out: Path) -> str:
+def landmarks(result: LandmarksResult, shown: Pictures, out: Path) -> str:
     """The page of a landmarks job."""
     segments, marked = result.segments.mesh, result.landmarks.mesh
-    rows = [
-        (each.id, each.segment, f"{each.t2:.2f}", f"{each.strength:.2f}", _point(each.position_mm), each.vertex)
-        for each in marked
-    ]
+    drawings = _drawing(out, "Decision graph", "mesh.decision_graph.svg")
     return _render(
-        title="Segments and landmarks",
+        "Segments and landmarks",
+        [shown, *drawings, tables.segments(segments), tables.landmarks(result)],
+        result.warnings,
+        inputs={"mesh": result.provenance.inputs.mesh},
+        made_by=result.provenance,
         subtitle=f"{segments.count} segments, {len(marked)} landmarks",
-        pictures=[each.words() for each in parts],
-        drawings=_drawings(out, [("Decision graph", "mesh.decision_graph.svg")]),
-        tables=[
-            _segments(segments),
-            Table(
-                "Landmarks",
-                ("id", "segment", "T²", "strength", "position, mm", "vertex"),
-                rows,
-                frozenset({"T²", "strength", "position, mm", "vertex"}),
-                "Strength: T² over its limit. The vertex is one of mesh.clean.ply.",
-                [_hex(palette.of_segment(each.segment)) for each in marked],
-            ),
-            *_provenance({"mesh": result.provenance.inputs.mesh}, result.provenance.version, result.provenance.seed),
-        ],
-        warnings=_notes(result.warnings),
     )
 
 
 def study(result: StudyResult, out: Path) -> str:
     """The page of a study."""
     return _render(
-        title=f"Study: {result.protocol.kind}",
+        *(f"Study: {result.protocol.kind}", _drawing(out, "Result", "study.svg", full=True), result.warnings),
+        inputs={"mesh": result.provenance.inputs.mesh},
+        made_by=result.provenance,
         subtitle="What landmarks are worth for registration",
         paragraph=result.summary,
-        drawings=_drawings(out, [("Result", "study.svg")]),
-        tables=_provenance({"mesh": result.provenance.inputs.mesh}, result.provenance.version, result.provenance.seed),
-        warnings=_notes(result.warnings),
     )
+
+
+def _figures(result: RegistrationResult, found: Deviation | None) -> list[tuple[str, str]]:
+    """(what, figure) of the deviation, with the share within the tolerance first: it decides."""
+    if found is None:
+        return []
+    seen = result.metrics.design_coverage
+    within = []
+    if found.within is not None and found.tolerance_mm is not None:
+        within = [(f"of the area within ±{found.tolerance_mm:g} mm", f"{found.within:.1%}")]
+    return [
+        *within,
+        ("RMS deviation", f"{found.rms_mm:.3f} mm"),
+        ("mean (SD) deviation", f"{found.mean_mm:+.3f} ({found.sd_mm:.3f}) mm"),
+        ("98 % of the area", f"{found.p01_mm:+.3f} to {found.p99_mm:+.3f} mm"),
+        ("of the design seen", "-" if seen is None else f"{seen:.0%}"),
+    ]
+
+
+SIGNS: dict[DesignSide, str] = {
+    "closed": "",
+    "open": " The design is open: + is the side that its faces look to.",
+    "none": "",
+}
+
+
+def legend(scale: ColourScale, sign: DesignSide, *, rejected: bool = False) -> Legend:
+    """The scale in mm. rejected : of a pose that is none, where a distance says nothing about the print"""
+    middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
+    words = "Blue: material is missing. Red: there is too much."
+    if rejected:
+        words = "Blue: inside of the design. Red: outside."
+    if sign == "none":
+        words = "Red: away from the design. Its faces look to no common side: distances have no sign here."
+    words += " Dark grey: on an open border, not counted. Beyond the ends: the end colours."
+    if scale.tolerance_mm is not None:
+        words += f" Light grey: within the tolerance of ±{scale.tolerance_mm:g} mm."
+    return Legend(
+        [tables.hex_of(each) for each in scale.colours(middles * scale.limit_mm)],
+        _ticks(scale),
+        words + SIGNS[sign],
+    )
+
+
+def _ticks(scale: ColourScale) -> list[tuple[float, str]]:
+    """Of the ends, zero and the tolerance; where the three in the middle would lie on each other, of quarters."""
+    inner = 0.5 if scale.tolerance_mm is None else scale.tolerance_mm / scale.limit_mm
+    zero = "0"
+    if inner < NARROW:
+        inner, zero = 0.5, f"±{scale.tolerance_mm:g} mm"
+    marks = (-1.0, -inner, 0.0, inner, 1.0)
+    return [((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm" if mark else zero) for mark in marks]
 
 
 def _verdict(verdict: Verdict) -> dict[str, object]:
@@ -191,137 +232,24 @@ def _verdict(verdict: Verdict) -> dict[str, object]:
     }
 
 
-def _both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
-    """Statistics of the scan's vertices beside those of the design's."""
-    overlap = None if metrics.scan_overlap is None else f"{metrics.scan_overlap:.1%} within the inlier distance"
-    rows: list[tuple[str, ...]] = [
-        ("area", overlap or "-", "-" if design is None else f"{design.seen:.1%} shown by the scan"),
-        *(
-            (name, told(scan), "-" if design is None else told(design))
-            for name, told in (
-                ("vertices counted", lambda each: str(each.n)),
-                ("mean (SD)", lambda each: f"{each.mean_mm:+.3f} ({each.sd_mm:.3f}) mm"),
-                ("RMS", lambda each: f"{each.rms_mm:.3f} mm"),
-                ("1 % to 99 %", lambda each: f"{each.p01_mm:+.3f} to {each.p99_mm:+.3f} mm"),
-                ("least, most", lambda each: f"{each.min_mm:+.3f}, {each.max_mm:+.3f} mm"),
-                ("within, above, below the tolerance", _by_tolerance),
-            )
-        ),
-    ]
-    return Table(
-        "Both directions",
-        ("", "scan to design", "design to scan"),
-        rows,
-        frozenset({"scan to design", "design to scan"}),
-        "Design to scan shows what no point of the scan lies near: a piece that broke off, a hole that was filled.",
-    )
+def _drawing(out: Path, title: str, name: str, *, full: bool = False) -> list[Drawing]:
+    """Nothing where the job left no such file."""
+    return [Drawing(title, (out / name).read_bytes(), full)] if (out / name).exists() else []
 
 
-def _by_tolerance(found: Distances) -> str:
-    if found.within is None or found.above is None or found.below is None:
-        return "-"
-    return f"{found.within:.1%}, {found.above:.1%}, {found.below:.1%}"
-
-
-SIGNS: dict[DesignSide, str] = {
-    "closed": "",
-    "open": " The design is open: + is the side that its faces look to.",
-    "none": " The faces of the design look to no common side: distances have no sign here.",
-}
-
-
-def _legend(scale: ColourScale, sign: DesignSide) -> dict[str, object]:
-    import numpy as np
-
-    middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
-    marks = {-1.0, -0.5, 0.0, 0.5, 1.0}
-    if scale.tolerance_mm is not None:
-        marks = {-1.0, 0.0, 1.0, scale.tolerance_mm / scale.limit_mm, -scale.tolerance_mm / scale.limit_mm}
-    words = "Blue: material is missing. Red: there is too much. Dark grey: on an open border, not counted."
-    if scale.tolerance_mm is not None:
-        words += f" Light grey: within the tolerance of ±{scale.tolerance_mm:g} mm."
-    return {
-        "colours": [_hex(each) for each in scale.colours(middles * scale.limit_mm)],
-        "ticks": [((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm" if mark else "0") for mark in sorted(marks)],
-        "words": words + SIGNS[sign],
-    }
-
-
-def _metrics(result: RegistrationResult) -> Table:
-    metrics = result.metrics
-    rows = [
-        ("RMSE as uploaded", _mm(metrics.rmse_initial_mm)),
-        ("RMSE by landmarks alone", _mm(metrics.rmse_landmarks_mm)),
-        ("RMSE by ICP of the whole shape, without landmarks", _mm(metrics.rmse_complete_mm)),
-        ("K, the ratio of the two", "-" if metrics.k_ratio is None else f"{metrics.k_ratio:.3g}"),
-        ("RMSE of the final pose", _mm(metrics.rmse_mm)),
-        ("scan within the inlier distance", "-" if metrics.fitness is None else f"{metrics.fitness:.1%}"),
-        ("inlier distance", _mm(metrics.inlier_distance_mm)),
-    ]
-    if result.scale is not None:
-        rows.append(("size of the scan over the design (not applied)", f"{result.scale.isotropic:.5f}"))
-        rows.append(("warp that stays", _mm(result.scale.warp_mm)))
-    note = "RMSE: area-weighted, every vertex of the cleaned scan, nothing left out."
-    return Table("Registration", ("what", "value"), rows, frozenset({"value"}), note)
-
-
-def _alternatives(result: RegistrationResult) -> list[Table]:
-    if not result.alternatives:
-        return []
-    rows = [
-        (
-            number + 1,
-            f"{each.score:.3g}",
-            _mm(each.rmse_mm),
-            "symmetry of the design" if each.symmetry_of_design else "rival",
-        )
-        for number, each in enumerate(result.alternatives)
-    ]
-    return [Table("Other poses", ("number", "score", "RMSE", "what it is"), rows, frozenset({"score", "RMSE"}))]
-
-
-def _segments(segments: Segments) -> Table:
-    rows = [
-        (each.segment, f"{each.rho:.4g}", f"{each.delta:.3f}", each.size, _point(each.position_mm))
-        for each in segments.centres
-    ]
-    return Table(
-        "Segments",
-        ("segment", "rho of its centre", "delta, mm", "vertices", "centre, mm"),
-        rows,
-        frozenset({"rho of its centre", "delta, mm", "vertices", "centre, mm"}),
-        f"Metric {segments.metric}, density {segments.density}, d_c {segments.d_c:.3f} mm, halo {segments.halo_fraction:.0%}.",
-        [_hex(palette.of_segment(each.segment)) for each in segments.centres],
-    )
-
-
-def _provenance(inputs: dict[str, Input], version: str, seed: int) -> list[Table]:
-    rows: list[Sequence[object]] = [(name, given.format, given.unit, given.sha256) for name, given in inputs.items()]
-    note = f"Cusp {version}, seed {seed}. All settings and libraries are in results.json."
-    return [Table("Provenance", ("mesh", "format", "unit", "SHA-256"), rows, frozenset(), note)]
-
-
-def _drawings(out: Path, names: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    return [(title, b64encode((out / name).read_bytes()).decode()) for title, name in names if (out / name).exists()]
-
-
-def _notes(notes: Sequence[Note]) -> list[tuple[str, str]]:
-    return [(each.code, each.detail) for each in notes]
-
-
-def _hex(colour: FloatArray) -> str:
-    return "#" + "".join(f"{round(255 * float(part)):02x}" for part in colour)
-
-
-def _mm(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f} mm"
-
-
-def _point(position_mm: Sequence[float]) -> str:
-    return ", ".join(f"{x:.2f}" for x in position_mm)
-
-
-def _render(**words: object) -> str:
+def _render(
+    title: str,
+    sections: Sequence[Section],
+    warnings: Sequence[Note],
+    *,
+    inputs: dict[str, Input],
+    made_by: MadeBy,
+    subtitle: str,
+    verdict: Verdict | None = None,
+    paragraph: str = "",
+    tiles: Sequence[tuple[str, str]] = (),
+) -> str:
+    """inputs : name -> file, which the foot of each printed page names by the start of its hash"""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -331,14 +259,16 @@ def _render(**words: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    empty: dict[str, object] = {
-        "verdict": None,
-        "paragraph": "",
-        "tiles": [],
-        "legend": None,
-        "pictures": [],
-        "drawings": [],
-        "tables": [],
-        "warnings": [],
-    }
-    return environment.get_template("report.html").render(**(empty | words), zip=zip) + "\n"
+    files = ", ".join(f"{name} {given.sha256[:12]}" for name, given in inputs.items())
+    page = environment.get_template("report.html").render(
+        title=title,
+        subtitle=subtitle,
+        verdict=None if verdict is None else _verdict(verdict),
+        paragraph=paragraph,
+        tiles=tiles,
+        warnings=warnings,
+        sections=[*sections, tables.provenance(inputs, made_by)],
+        foot=f"{files}; Cusp {made_by.version}",
+        zip=zip,
+    )
+    return page + "\n"

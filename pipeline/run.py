@@ -146,7 +146,7 @@ def run_registration(
         result,
         out,
         watch,
-        lambda out, done: job_files.write_registration_page(out, done, known, scan, aligned, measured),
+        lambda out, done: job_files.write_registration_page(out, done, known, scan, aligned, measured, settings.report),
     )
     if design_cache is not None and is_new:
         known.keep(design_cache)
@@ -225,7 +225,9 @@ def run_landmarks(
         files=sorted(files),
         warnings=[*found.warnings, *records.landmark_warnings(mesh=marked), *records.input_warnings(mesh=cleaned)],
     )
-    return _written(result, out, watch, lambda out, done: job_files.write_landmarks_page(out, done, found))
+    return _written(
+        result, out, watch, lambda out, done: job_files.write_landmarks_page(out, done, found, settings.report)
+    )
 
 
 def run_study(
@@ -261,16 +263,22 @@ def run_study(
         files=sorted(files),
         warnings=[*found.warnings, *records.input_warnings(mesh=cleaned)],
     )
-    return _written(result, out, watch, job_files.write_study_page)
+    return _written(result, out, watch, lambda out, done: job_files.write_study_page(out, done, settings.report))
 
 
-def _written(result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], None] | None) -> R:
-    """The report, then results.json, with the report's own time in it."""
+def _written(result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], job_files.Written] | None) -> R:
+    """The report, then results.json, with the report's own time in it, its further files and why one is not among them."""
     if out is None:
         return result
     if write_page is not None and job_files.PAGE in result.files:
         with watch.stage(Stage.REPORT):
-            write_page(out, result)
-        result = result.model_copy(update={"timings_s": watch.timings_s()})
+            more: job_files.Written = write_page(out, result)
+        result = result.model_copy(
+            update={
+                "timings_s": watch.timings_s(),
+                "files": sorted([*result.files, *more.files]),
+                "warnings": [*result.warnings, *more.notes],
+            }
+        )
     (out / "results.json").write_text(result.model_dump_json(indent=1) + "\n", encoding="utf-8")
     return result

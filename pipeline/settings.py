@@ -264,6 +264,12 @@ class StudySettings(Section):
 
 class ReportSettings(Section):
     write_files: bool = Field(True, description="write meshes and tables beside results.json")
+    pdf: bool = Field(False, description="also write report.pdf: the page of report.html on A4")
+    three_mf: bool = Field(
+        False,
+        description="registration: also write aligned.3mf, the aligned scan in the colours of its deviation, its unit declared "
+        "(experimental)",
+    )
 
 
 class Settings(Section):

@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     from obstore import ObjectMeta  # which is there for type checkers only
 
 CHUNK_BYTES = 1024 * 1024
-MEDIA_TYPES = {".ply": "application/x-ply", ".csv": "text/csv", ".glb": "model/gltf-binary"}
+MEDIA_TYPES = {
+    ".ply": "application/x-ply",
+    ".csv": "text/csv",
+    ".glb": "model/gltf-binary",
+    ".3mf": "model/3mf",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,16 +3,19 @@
 import re
 from base64 import b64decode
 from html.parser import HTMLParser
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 import pipeline
 from pipeline.colour_scale import ColourScale
 from pipeline.mesh import Mesh
-from pipeline.outcome import RegistrationResult
+from pipeline.outcome import MadeBy, Note, RegistrationResult
+from pipeline.report_page import legend, views_of
 from pipeline.viewing import MAX_FACES, write_glb
 from tests.service.meshes import blob_stl
 from tests.shapes import icosphere
@@ -98,7 +101,12 @@ def test_words_from_outside_stay_words(tmp_path: Path) -> None:
     """A note with markup in it, as a file's own unit might bring in, is text on the page."""
     from pipeline.report_page import _render
 
-    text = _render(title="<script>alert(1)</script>", subtitle="a & b", warnings=[("x", "<img src=x onerror=y>")])
+    text = _render(
+        *("<script>alert(1)</script>", [], [Note(code="x", detail="<img src=x onerror=y>")]),
+        inputs={},
+        made_by=MadeBy(version="0", libraries={}, settings={}, seed=0),
+        subtitle="a & b",
+    )
     assert "<script>" not in text and "&lt;script&gt;" in text and "<img src=x" not in text
 
 
@@ -150,6 +158,47 @@ def test_a_scan_that_does_not_fit_has_a_page_without_deviation(tmp_path: Path) -
     text = (tmp_path / "out" / "report.html").read_text()
     outline(text)
     assert "Deviation of the scan" not in text and result.verdict.status.replace("_", " ") in text
+    # What was tried is shown for what it is, and both meshes with their sizes: why they do not fit can be seen.
+    assert "Not a measurement" in text and "material is missing" not in text and text.count("data:image/png") == 8
+    assert "scan 2.0 x 2.0 x 60.0 mm along the axes of its file" in text
+
+
+def test_the_page_says_the_size_of_both_in_one_frame(made: tuple[Path, RegistrationResult]) -> None:
+    folder, _ = made
+    text = (folder / "out" / "report.html").read_text()
+    said = re.search(r"Design (.*) mm along the axes of its file; scan (.*) mm along the same axes", text)
+    assert said is not None
+    for words, name in zip(said.groups(), ("design.clean.ply", "aligned.ply"), strict=True):
+        extents = np.ptp(trimesh.load(folder / "out" / name, process=False).vertices, axis=0)
+        assert [float(word) for word in words.split(" x ")] == pytest.approx(extents, abs=0.051)
+
+
+def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_caption_says_how_wide_the_picture_is() -> None:
+    ball, design = icosphere(10.0, 4), icosphere(2.0, 2)
+    for caption, data in views_of(ball, np.zeros((len(ball.vertices), 3)), design, count=4):
+        image = np.asarray(Image.open(BytesIO(data)).convert("L"))
+        rim = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+        assert (rim == 255).all() and (image < 255).any()
+        across_px = np.ptp(np.flatnonzero((image < 255).any(axis=0))) + 1
+        width_mm = float(caption.split()[-3])
+        assert across_px / image.shape[1] * width_mm == pytest.approx(20.0, rel=0.01)
+
+
+@pytest.mark.parametrize("tolerance_mm", [None, 0.05, 0.4, 0.5])
+def test_words_of_the_legend_lie_apart_and_are_where_the_colour_is(tolerance_mm: float | None) -> None:
+    shown = legend(ColourScale(1.0, tolerance_mm), "closed")
+    shares = [share for share, _ in shown.ticks]
+    assert shares[0] == 0 and shares[-1] == 1 and np.diff(shares).min() > 0.08
+    for share, words in shown.ticks:
+        if words.startswith("±"):
+            assert share == 0.5 and words == f"±{tolerance_mm:g} mm"
+        elif words != "0":
+            assert float(words.split()[0]) == pytest.approx(2 * share - 1, abs=1e-3)
+
+
+def test_where_distances_have_no_sign_the_legend_promises_none() -> None:
+    assert "missing" not in legend(ColourScale(1.0, None), "none").words
+    assert "missing" in legend(ColourScale(1.0, None), "open").words
 
 
 def test_landmarks_and_studies_have_a_page(tmp_path: Path) -> None:
