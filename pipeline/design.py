@@ -27,8 +27,8 @@ from pipeline.watch import Watch
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What is kept of a design. fingerprint : of all it follows from; descriptors : of its working mesh; symmetries : (4, 4)
-    each; files : those of the job that are the design's alone, by name
+    """What is kept of a design. fingerprint : of all it follows from; descriptors : of its working mesh; symmetries,
+    near_symmetries : (4, 4) each; files : those of the job that are the design's alone, by name
     """
 
     fingerprint: str
@@ -37,6 +37,7 @@ class Kept:
     analysis: Analysis
     descriptors: FloatArray
     symmetries: tuple[FloatArray, ...]
+    near_symmetries: tuple[FloatArray, ...]
     files: dict[str, bytes]
 
 
@@ -69,7 +70,7 @@ class Design:
 
     @cached_property
     def images(self) -> SelfImages:
-        return SelfImages(self.surface, self.kept.symmetries)
+        return SelfImages(self.surface, self.kept.symmetries, self.kept.near_symmetries)
 
     def write(self, out: Path) -> list[str]:
         """Its files; returns their names."""
@@ -112,6 +113,7 @@ def known(loaded: Loaded, cleaned: Cleaned, mark: str, settings: Settings, watch
         analysis=analysis,
         descriptors=side.described(length_mm, settings.matching),
         symmetries=images.others,
+        near_symmetries=images.near,
         files={},
     )
     return Design(kept, settings)
@@ -122,7 +124,8 @@ def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
     with file.path.open("rb") as content:
         of_content = hashlib.file_digest(content, "sha256").hexdigest()
     ending = Path(file.filename or file.path.name).suffix.lower()
-    made_of = [of_content, ending, file.unit, settings.model_dump(mode="json"), seed, version("cusp")]
+    method = settings.model_dump(mode="json", exclude={"report"})  # what is written beside changes nothing of it
+    made_of = [of_content, ending, file.unit, method, seed, version("cusp")]
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
 

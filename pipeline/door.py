@@ -34,7 +34,8 @@ def register(
     Parameters
     ----------
     design, scan : files; the design must have triangles, the scan may be points
-    tolerance_mm : for `deviation.within / above / below`; None leaves them null
+    tolerance_mm : > 0, for `deviation.within / above / below`; None leaves them null. It also says how certain the pose must
+        be: `under_constrained` when a motion is less certain (one sigma); None: `registration.free_motion_share`.
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
     design_cache : file where the analysis of the design is kept for its next scan; made when it is not there, or is of
@@ -46,7 +47,11 @@ def register(
     PipelineError
         When there can be no result: the file is unreadable or has no usable surface. "No pose found" is a
         result: `verdict.status == "no_match"`, `transform is None`.
+    ValueError
+        When `tolerance_mm` is not above 0.
     """
+    if tolerance_mm is not None and not 0 < tolerance_mm < float("inf"):
+        raise ValueError(f"tolerance_mm is {tolerance_mm}; it must be above 0")
     from pipeline.run import run_registration  # here, so that the API can import the door cheaply
 
     return run_registration(

@@ -9,11 +9,13 @@ import numpy as np
 
 from pipeline.analysis import Analysis, analyse
 from pipeline.design import Design, described
+from pipeline.errors import PipelineError
 from pipeline.kernels import rigid
+from pipeline.margin import LOOSE
 from pipeline.mesh import FloatArray, Mesh
-from pipeline.pose_search import Pose, Scan, search
+from pipeline.pose_search import APART_SHARE, Pose, Scan, search
 from pipeline.settings import RegistrationSettings, Settings
-from pipeline.stages.matching import Matching, Side, match
+from pipeline.stages.matching import Matching, Side, match, with_matches
 from pipeline.stages.registration import Registration, fit, register
 from pipeline.watch import silent
 
@@ -26,8 +28,10 @@ UNIT_FACTORS = {
     1000.0: "metres read as mm",
     0.001: "mm read as metres",
 }
+MARK_TELLS = 0.95  # times the cost of the best pose: an image of it that costs less,
+MARK_SHARE = 0.0001  # of the diagonal, squared: and by more than this, is the better pose
+WHOLE = 0.9  # times the design's diagonal: a bolt in inches is a bolt, though it can turn
 SIZES = (0.3, 1.4)  # a scan's diagonal over the design's, to be a part of it or the whole
-LOOSE = 0.4  # of the residual limit: depth-camera scans lie at 0.5 to 0.8, printed copies below 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,21 @@ def matched(scan: Analysis, design: Design, asked: Asked) -> tuple[Side, Matchin
 def registered(scan: Analysis, side: Side, matching: Matching, design: Design, asked: Asked) -> Found:
     settings, certain_mm = asked.settings.registration, asked.certain_mm(design)
     registration = register(scan.mesh, design.surface, matching, settings, asked.seed, certain_mm)
+    best, first = registration.best.T_design_scan, matching.hypotheses[0].T_design_scan
+    if rigid.rms_displacement(best, first, scan.mesh.vertices) > APART_SHARE * design.diagonal_mm:
+        # another hypothesis won: what matched under the first is no match of this pose
+        length_mm = design.scales.matching_mm(asked.settings)
+        matching = with_matches(design.side, side, matching.hypotheses, best, length_mm)
+        registration = replace(
+            registration, rmse_landmarks_mm=_rmse_landmarks_mm(scan.mesh, matching, design, registration)
+        )
     return Found(scan, side, matching, registration)
+
+
+def _rmse_landmarks_mm(scan: Mesh, matching: Matching, design: Design, registration: Registration) -> float | None:
+    if matching.T_landmarks is None:
+        return None
+    return fit(scan, scan.weights(), design.surface, matching.T_landmarks, registration.inlier_distance_mm).rmse_mm
 
 
 def examined(found: Found, design: Design, asked: Asked) -> tuple[Found, Doubts]:
@@ -107,12 +125,16 @@ def in_another_unit(scan: Analysis, design: Design, asked: Asked) -> tuple[float
     likely = [factor for factor in UNIT_FACTORS if SIZES[0] <= ratio * factor <= SIZES[1]]
     for factor in sorted(likely, key=lambda each: abs(np.log(ratio * each))):
         scaled = Mesh(scan.mesh.vertices * factor, scan.mesh.faces)
-        again = analyse(scaled, "scan", design.scales, asked.settings, silent(), asked.seed)
+        try:
+            again = analyse(scaled, "scan", design.scales, asked.settings, silent(), asked.seed)
+        except PipelineError:  # a scan that nobody sent: that it cannot be analysed is no fault of the job
+            continue
         found = registered(again, *matched(again, design, asked), design, asked)
-        # A scan made small fits nearly anywhere: it must fit tightly, for its own size too.
+        # A scan made small fits nearly anywhere: it must fit tightly, for its own size too, and be held.
         tight_mm = LOOSE * settings.max_residual_share * min(diagonal, scaled.diagonal_mm)
-        tight = found.registration.fit.truncated_rms_mm <= tight_mm and not found.registration.observability.free
-        if tight and fits(found.registration, diagonal, settings):
+        tight = found.registration.fit.truncated_rms_mm <= tight_mm
+        held = scaled.diagonal_mm >= WHOLE * diagonal or not found.registration.observability.free
+        if tight and held and fits(found.registration, diagonal, settings):
             return factor, found
     return None
 
@@ -131,26 +153,52 @@ def mirrored_rms_mm(found: Found, design: Design, asked: Asked) -> float:
 
 
 def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found, tuple[bool, ...]]:
-    """The rivals, those added that the design's own symmetries make of the best pose; for each whether it is one."""
-    registration, images = found.registration, design.images
-    best, rivals, inlier = registration.best, registration.rivals, registration.inlier_distance_mm
-    back = rigid.inverse(best.T_design_scan)
-    symmetric = tuple(images.contains(rival.T_design_scan @ back) for rival in rivals)
-    missing = [T @ best.T_design_scan for T in images.others]
-    missing = [T for T in missing if not any(images.same(T, rival.T_design_scan) for rival in rivals)]
-    if not missing:
-        return found, symmetric
+    """The rivals, those added that the design's own symmetries make of the best pose; for each whether it is one.
+
+    A design that is its own image but for a small mark is tried in each of its poses: the mark tells.
+    """
+    images, diagonal = design.images, design.diagonal_mm
+    if not images.others:
+        return found, _symmetric(found, design)
     every = Scan(found.scan.mesh, asked.settings.registration, asked.seed).every
 
-    def placed(T: FloatArray) -> Pose:
-        left = every.left(T, design.surface, inlier)
+    def placed(found: Found, T: FloatArray) -> Pose:
+        left = every.left(T, design.surface, found.registration.inlier_distance_mm)
+        best = found.registration.best
         return replace(best, T_design_scan=T, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, score_mm2=left.cost_mm2)
 
-    added = tuple(placed(T) for T in missing)
-    registration = replace(registration, rivals=(*rivals, *added))
+    best = found.registration.best
+    closest = min(
+        (placed(found, image @ best.T_design_scan) for image in images.others), key=lambda pose: pose.cost_mm2
+    )
+    if closest.cost_mm2 < MARK_TELLS * best.cost_mm2 - (MARK_SHARE * diagonal) ** 2:
+        found = _begun_at(closest, found, design, asked)
+        best = found.registration.best
+    symmetric, rivals = _symmetric(found, design), found.registration.rivals
+    back = rigid.inverse(best.T_design_scan)
+    relative = [rival.T_design_scan @ back for rival in rivals]
+    missing = [image for image in images.others if not any(images.same(image, T) for T in relative)]
+    added = tuple(placed(found, image @ best.T_design_scan) for image in missing)
+    registration = replace(found.registration, rivals=(*rivals, *added))
     return replace(found, registration=registration), (*symmetric, *(True for _ in added))
+
+
+def _symmetric(found: Found, design: Design) -> tuple[bool, ...]:
+    back = rigid.inverse(found.registration.best.T_design_scan)
+    return tuple(design.images.contains(rival.T_design_scan @ back) for rival in found.registration.rivals)
+
+
+def _begun_at(pose: Pose, found: Found, design: Design, asked: Asked) -> Found:
+    """Registered anew from `pose`, which lies better than the best so far."""
+    first = replace(found.matching.hypotheses[0], T_design_scan=pose.T_design_scan)
+    hypotheses = (first, *found.matching.hypotheses)
+    length_mm = design.scales.matching_mm(asked.settings)
+    matching = with_matches(design.side, found.side, hypotheses, pose.T_design_scan, length_mm)
+    return registered(found.scan, found.side, matching, design, asked)
 
 
 def _match(design: Design, scan: Side, asked: Asked) -> Matching:
     length_mm = design.scales.matching_mm(asked.settings)
-    return match(design.side, scan, length_mm, asked.settings.matching, asked.seed)
+    return match(
+        design.side, scan, length_mm, asked.settings.matching, asked.seed, design.images.others, design.images.near
+    )

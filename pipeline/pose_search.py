@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline import margin
 from pipeline.kernels import icp, rigid, sampling
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
@@ -17,14 +18,14 @@ from pipeline.mesh import FloatArray, Mesh
 from pipeline.settings import RegistrationSettings
 from pipeline.stages.matching import Matching
 
-MAX_RIVALS = 7
-RIVAL_COST = 2.0  # a hypothesis above this many times the lowest cost is not refined to the end
+MAX_RIVALS = 9
+RIVAL_COST = 3.0  # a hypothesis above this many times the lowest cost is not tried: well above every margin asked for
 TRIAL_POINTS = 2_000
 TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
 HOPELESS = 1.3  # times the residual limit after the trials: not this part
-CLOSE_RIVALS = 2
-CLOSE_SCORE = 1.3  # a rival below this many times the best's score is refined on all points too
-APART_SHARE = 0.02  # of the diagonal: poses nearer than this are one pose
+CLOSE_RIVALS = 4
+CLOSE = 1.1  # times the margin that is asked for: a rival that scores less is refined on all points too
+APART_SHARE = 0.01  # of the diagonal: poses nearer than this are one pose, one of them as right as the other
 TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
 COVERAGE_POINTS = 10_000
 VIEWED_POINTS = 500
@@ -66,8 +67,9 @@ class ScanPoints:
 
     def left(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> "Left":
         distance = design.closest(rigid.transformed(T_design_scan, self.points)).distance
-        cost_mm2 = float(self.weights @ np.minimum(distance, inlier_distance_mm) ** 2)
-        return Left(cost_mm2, float(np.sqrt(self.weights @ distance**2)))
+        # sums by numpy itself: a dot product of many points is split among threads
+        cost_mm2 = float((self.weights * np.minimum(distance, inlier_distance_mm) ** 2).sum())
+        return Left(cost_mm2, float(np.sqrt((self.weights * distance**2).sum())))
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,15 +115,20 @@ class Scan:
         some = slice(None, None, max(1, len(self.few.points) // VIEWED_POINTS))
         return Views.of(self.few.points[some], facing * self.few.normals[some])
 
-    def coverage(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> float:
-        """Share of the design within the inlier distance of the scan."""
-        samples = sampling.on_surface(design.mesh, COVERAGE_POINTS, self._seed).points
-        in_scan = rigid.transformed(rigid.inverse(T_design_scan), samples)
+    def coverage(self, T_design_scan: FloatArray, facing: float, design: Surface, inlier_distance_mm: float) -> float:
+        """Share of the design within the inlier distance of the scan, and facing the same way: the scan of one side of a
+        thin wall does not show the other.
+        """
+        samples = sampling.on_surface(design.mesh, COVERAGE_POINTS, self._seed)
+        T_scan_design = rigid.inverse(T_design_scan)
+        in_scan = rigid.transformed(T_scan_design, samples.points)
         if self.surface is None:
             distance, _ = nearest(self.mesh.vertices, in_scan)
-        else:
-            distance = self.surface.closest(in_scan).distance
-        return float(np.mean(distance <= inlier_distance_mm))
+            return float(np.mean(distance <= inlier_distance_mm))
+        found = self.surface.closest(in_scan)
+        turned = samples.normals @ T_scan_design[:3, :3].T
+        agrees = facing * np.einsum("kd,kd->k", turned, found.normal) > 0
+        return float(np.mean((found.distance <= inlier_distance_mm) & agrees))
 
 
 def search(
@@ -160,7 +167,7 @@ def search(
         T, views = pose.T_design_scan, scan.views(facing)
         left = scan.every.left(T, design, inlier)
         hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
-        coverage = scan.coverage(T, design, inlier)
+        coverage = scan.coverage(T, facing, design, inlier)
         return replace(pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage)
 
     seeds = _seeds(matching, scan.few, design, inlier)
@@ -173,15 +180,20 @@ def search(
     poses = scored(
         [examined(pose, facing) for pose, facing in zip((pose for pose, _ in tried), facings, strict=True)], inlier
     )
-    turns = 1 + CLOSE_RIVALS if thorough and not hopeless else 0
     finished: set[int] = set()
-    while turns:  # refined on all points, the order may turn: until the best is finished, and those near it
-        best, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
-        close = [number for number in others if poses[number].score_mm2 < CLOSE_SCORE * poses[best].score_mm2]
-        unfinished = [number for number in (best, *close) if number not in finished]
-        if not unfinished:
-            break
-        number, turns = unfinished[0], turns - 1
+    left = CLOSE_RIVALS
+    while (
+        thorough and not hopeless
+    ):  # refined on all points, the order may turn: until the best is finished, and those near it
+        number, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
+        if number in finished:
+            enough = (
+                CLOSE * margin.needed(np.sqrt(poses[number].cost_mm2), diagonal, settings) * poses[number].score_mm2
+            )
+            close = [other for other in others if poses[other].score_mm2 < enough and other not in finished]
+            if not close or not left:
+                break
+            number, left = close[0], left - 1
         pose = refined(poses[number].T_design_scan, facings[number], scan.every, settings.max_iterations)
         finished.add(number)
         poses[number] = examined(pose, facings[number])

@@ -31,7 +31,7 @@ from pipeline.stages.load import Loaded
 from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
-_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh")
+_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh", "weasyprint")
 
 
 def transform(

@@ -37,7 +37,7 @@ def four_views(mesh: Mesh) -> list[View]:
     """From both flat sides of the part, and obliquely from two others: by its principal axes, not the file's."""
     weights = mesh.weights()
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
-    _, axes = np.linalg.eigh((centred * weights[:, None]).T @ centred)
+    _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))
     flat, middle, long = axes.T  # ascending
     flat, middle = (axis * np.sign(axis[np.abs(axis).argmax()]) for axis in (flat, middle))
     long = np.cross(middle, flat)

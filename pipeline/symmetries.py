@@ -5,16 +5,18 @@ principal axis, or lies in the plane of two that are equal: turns about those ar
 finds, which covers parts as round as a cube.
 """
 
+from functools import cached_property
+
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels import icp, poses, rigid, sampling
 from pipeline.kernels.nearest_grid import NearestGrid
 from pipeline.kernels.surface import Surface
 from pipeline.mesh import FloatArray
 from pipeline.settings import MatchingSettings
-from pipeline.stages.matching import Side, match
+from pipeline.stages.matching import NEXT_SHARE, Side, corners, match
 
 RMS_SHARE = 0.0005  # of the diagonal: a design moved onto itself this near is symmetric under the motion,
 MAX_SHARE = 0.003  # and nowhere farther off than this: a hole in another place is a small RMS
@@ -27,13 +29,19 @@ EQUAL_AXES = 0.05  # of the largest variance: nearer ones may be equal
 HALF_TURNS_DEG = 5.0  # apart: within the reach of an ICP
 COARSE_SHARE, REFINE_SHARE = 0.04, 0.02  # of the diagonal: truncation of the quick judgement, and of the short ICP
 TRIED = 16
+ALIKE_SHARE = 0.008  # of the diagonal: what leaves less may be taken for the design by a scan, or of a part of it
+GENERATORS, MOST_NEAR = 6, 96
 
 
 class SelfImages:
-    """The motions (4, 4), design to design, under which it is its own image; `others` : without the identity"""
+    """The motions (4, 4), design to design, under which it is its own image; `others` : without the identity; `near` : those
+    under which it is but for some part of it, where a scan will find its rivals: a gear with a key, one tooth on
+    """
 
-    def __init__(self, surface: Surface, others: tuple[FloatArray, ...] = ()) -> None:
-        self.others = others
+    def __init__(
+        self, surface: Surface, others: tuple[FloatArray, ...] = (), near: tuple[FloatArray, ...] = ()
+    ) -> None:
+        self.others, self.near = others, near
         self._surface = surface
         self._samples = sampling.on_surface(surface.mesh, POINTS, 0)
         self._diagonal = surface.mesh.diagonal_mm
@@ -44,12 +52,15 @@ class SelfImages:
     ) -> "SelfImages":
         """Turns and hypotheses, each refined and tested; products of two are motions of it too."""
         images = cls(surface)
-        near = (NEAR_SHARE * images._diagonal) ** 2
-        for T in images._promising_turns(near):
-            images._add(T)
-        for hypothesis in match(design, design, length_mm, settings, seed).hypotheses:
-            if hypothesis.cost_mm2 <= near:
-                images._add(hypothesis.T_design_scan)
+        nearly = images._promising_turns()
+        nearly += [
+            (each.cost_mm2, each.T_design_scan) for each in match(design, design, length_mm, settings, seed).hypotheses
+        ]
+        for cost_mm2, T in nearly:
+            if cost_mm2 <= (NEAR_SHARE * images._diagonal) ** 2:
+                images._add(T)
+        alike = (ALIKE_SHARE * images._diagonal) ** 2
+        images.near = images._closed([T for cost_mm2, T in nearly if cost_mm2 <= alike], alike)
         number = 0
         while number < len(images.others) < LARGEST_GROUP:
             for first in images.others[: number + 1]:
@@ -79,8 +90,8 @@ class SelfImages:
         near = float(np.sqrt((distance**2).mean())) <= RMS_SHARE * diagonal
         return done if near and float(distance.max()) <= MAX_SHARE * diagonal else None
 
-    def _promising_turns(self, near_mm2: float) -> list[FloatArray]:
-        """Of all turns about possible axes those that nearly hold, after a short ICP."""
+    def _promising_turns(self) -> list[tuple[float, FloatArray]]:
+        """Of all turns about possible axes those that may hold, with what they leave after a short ICP, mm^2."""
         samples, diagonal = self._samples, self._diagonal
         few = slice(None, None, len(samples.points) // FEW_POINTS)
         points, normals = samples.points[few], samples.normals[few]
@@ -89,11 +100,41 @@ class SelfImages:
         grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
         cost = grid.costs(T, facing, points, normals, COARSE_SHARE * diagonal)
         tried = np.argsort(cost, kind="stable")[:TRIED]
-        target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
-        T, cost = icp.refine_many(
-            points, normals, target, T[tried], facing[tried], max_distance_mm=REFINE_SHARE * diagonal, iterations=10
+        T, cost = self._briefly(T[tried])
+        return [(float(cost[k]), rigid.orthonormal(T[k])) for k in np.argsort(cost, kind="stable")]
+
+    def _briefly(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """After a short ICP on few points: T (h, 4, 4), and what is left (h,) mm^2."""
+        samples = self._samples
+        few = slice(None, None, len(samples.points) // FEW_POINTS)
+        limit_mm = REFINE_SHARE * self._diagonal
+        return icp.refine_many(
+            *(samples.points[few], samples.normals[few], self._target, T, np.ones(len(T))),
+            max_distance_mm=limit_mm,
+            iterations=10,
         )
-        return [rigid.orthonormal(T[k]) for k in np.argsort(cost, kind="stable") if cost[k] <= near_mm2]
+
+    @cached_property
+    def _target(self) -> icp.Target:
+        return icp.Target(cKDTree(self._samples.points), self._samples.points, self._samples.normals)
+
+    def _closed(self, found: list[FloatArray], alike_mm2: float) -> tuple[FloatArray, ...]:
+        """`found` and their products that leave no more than `alike_mm2`, without the identity."""
+        known = np.array([np.eye(4)])
+        new = np.array(found).reshape(-1, 4, 4)
+        generators: FloatArray | None = None
+        while len(new) and len(known) <= MOST_NEAR:
+            both = np.concatenate([known, new])
+            order, apart_mm = np.arange(len(both)), NEXT_SHARE * self._diagonal
+            kept = poses.distinct(both, order, corners(self._surface.mesh), apart_mm, MOST_NEAR + 1)
+            new = both[kept[kept >= len(known)]]
+            if generators is not None and len(new):
+                new, cost = self._briefly(new)
+                new = new[cost <= alike_mm2]
+            known = np.concatenate([known, new])
+            generators = new[:GENERATORS] if generators is None else generators
+            new = np.concatenate([new @ generator for generator in generators]) if len(new) else new
+        return tuple(rigid.orthonormal(T) for T in known[1:])
 
     def _add(self, T: FloatArray) -> None:
         if len(self.others) >= LARGEST_GROUP or any(self.same(T, each) for each in (np.eye(4), *self.others)):

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.doubts import LOOSE, UNIT_FACTORS, Doubts
+from pipeline import margin
+from pipeline.doubts import UNIT_FACTORS, Doubts
 from pipeline.mesh import FloatArray
 from pipeline.outcome import Finding, Verdict, VerdictStatus
 from pipeline.settings import RegistrationSettings
@@ -15,10 +16,9 @@ from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
 RIVAL_NOTE = 2.0  # a second pose with a cost below this many times the best is worth a finding
-LOOSE_MARGIN = (
-    2.0  # a rough fit says less: a sixth of an arch was `ok` in a wrong place, 0.85 % of the diagonal off, at 1.57
-)
 WEAK_EIGENVALUE = 1e-3
+MIRROR_BETTER = 0.9  # of the residual: a reflection that leaves less is told, and not `ok`
+TIE = 1.05  # times the best score: nothing tells such poses apart
 MOST_MARGIN = 2.0
 
 #: Intercept and a weight for each of `evidence`, from `tests/accuracy/confidence.py`.
@@ -48,9 +48,12 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     no_match : too little of the scan lies on the design (`min_fitness`), or too far off it (`max_residual_share`);
     under_constrained : a motion of the scan is less certain than the tolerance, or `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best; less than
-    `LOOSE_MARGIN` times where the best itself fits loosely.
+    `margin.LOOSE_MARGIN` times where the best itself fits loosely.
 
-    confidence : the probability that the pose is right, by `evidence` and `CONFIDENCE`; 0 without a pose.
+    or the reflected scan fits better (`MIRROR_BETTER`), though not by so much that it must be the mirror image.
+
+    confidence : the probability that the pose is right, up to symmetries and free motions, by `evidence` and `CONFIDENCE`;
+    at most that of a guess among equal scores; 0 without a pose.
     """
     findings = _misfit(case, settings)
     matched = not findings
@@ -66,12 +69,14 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         status = "no_match"
     elif case.registration.observability.free:
         status = "under_constrained"
-    elif _margin(case) < 1.0 - 1.0 / (LOOSE_MARGIN if _is_loose(case, settings) else settings.rival_margin):
+    elif _has_rival(case, settings) or _mirror_fits_better(case):
         status = "ambiguous"
     if matched:
-        findings += _looseness(case, settings)
+        findings += [*_looseness(case, settings), *_handedness(case, status)]
     findings += [*_free(case), *_rivals(case), *_weakness(case)]
     confidence = probability(CONFIDENCE, evidence(case, settings)) if status in POSED else 0.0
+    equals = sum(score <= TIE * case.registration.best.score_mm2 for score in _others(case))
+    confidence = min(confidence, 1.0 / (1 + equals))
     return Verdict(status=status, confidence=confidence, findings=findings)
 
 
@@ -83,11 +88,11 @@ def evidence(case: Case, settings: RegistrationSettings) -> FloatArray:
     """
     registration = case.registration
     others, best = _others(case), registration.best.score_mm2
-    margin = float(np.log(max(others[0], 1e-300) / max(best, 1e-300))) if others else MOST_MARGIN
+    ahead = float(np.log(max(others[0], 1e-300) / max(best, 1e-300))) if others else MOST_MARGIN
     limit_mm = settings.max_residual_share * case.diagonal_mm
     return np.array(
         [
-            min(max(margin, 0.0), MOST_MARGIN),
+            min(max(ahead, 0.0), MOST_MARGIN),
             min(registration.fit.truncated_rms_mm / limit_mm, 3.0),
             registration.fit.fitness,
             np.log10(max(registration.design_coverage, 1e-3)),
@@ -142,6 +147,22 @@ def _mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
     return Finding(code="mirrored", detail=detail, value=under)
 
 
+def _mirror_fits_better(case: Case) -> bool:
+    under, rigid_mm = case.doubts.mirrored_rms_mm, case.registration.fit.truncated_rms_mm
+    return under is not None and under < MIRROR_BETTER * rigid_mm
+
+
+def _handedness(case: Case, status: VerdictStatus) -> list[Finding]:
+    under = case.doubts.mirrored_rms_mm
+    if under is None or status == "mirrored" or not _mirror_fits_better(case):
+        return []
+    detail = (
+        f"the mirror image of the scan lies {under:.3g} mm off the design (RMS), the scan itself "
+        f"{case.registration.fit.truncated_rms_mm:.3g} mm: it may be the part of the other side"
+    )
+    return [Finding(code="mirror_fits_better", detail=detail, value=under)]
+
+
 def _looseness(case: Case, settings: RegistrationSettings) -> list[Finding]:
     if not _is_loose(case, settings):
         return []
@@ -154,7 +175,7 @@ def _looseness(case: Case, settings: RegistrationSettings) -> list[Finding]:
 
 
 def _is_loose(case: Case, settings: RegistrationSettings) -> bool:
-    return case.registration.fit.truncated_rms_mm > LOOSE * settings.max_residual_share * case.diagonal_mm
+    return margin.is_loose(case.registration.fit.truncated_rms_mm, case.diagonal_mm, settings)
 
 
 def _free(case: Case) -> list[Finding]:
@@ -202,14 +223,13 @@ def _weakness(case: Case) -> list[Finding]:
 
 
 def _others(case: Case) -> list[float]:
-    """Costs of the poses that are no symmetry of the design, lowest first."""
+    """Scores of the poses that are no symmetry of the design, lowest first."""
     rivals = zip(case.registration.rivals, case.doubts.symmetric, strict=True)
     return sorted(rival.score_mm2 for rival, symmetric in rivals if not symmetric)
 
 
-def _margin(case: Case) -> float:
-    """1 - best cost over that of the next pose that is no symmetry; 1 without one."""
-    others = _others(case)
-    if not others:
-        return 1.0
-    return max(0.0, 1.0 - case.registration.best.score_mm2 / others[0]) if others[0] > 0 else 0.0
+def _has_rival(case: Case, settings: RegistrationSettings) -> bool:
+    """A pose that is no symmetry scores less than the margin times the best, or as well where both leave nothing."""
+    needed = margin.needed(case.registration.fit.truncated_rms_mm, case.diagonal_mm, settings)
+    others, best = _others(case), case.registration.best.score_mm2
+    return bool(others) and (others[0] <= best or others[0] < needed * best)

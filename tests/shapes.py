@@ -119,3 +119,30 @@ def beads(radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around
     first_cap = np.stack([np.full(around, len(rings)), after, k], 1)
     last_cap = np.stack([np.full(around, len(rings) + 1), last + k, last + after], 1)
     return Mesh(np.concatenate([rings, ends]), np.concatenate([*sides, first_cap, last_cap]))
+
+
+def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_mm: float = 12.0) -> Mesh:
+    """A closed toothed bar along x, teeth on top, with a higher block over the last three pitches: one pose only, and
+    nearly as good a one for every tooth that it is moved by.
+    """
+    x = np.linspace(0.0, teeth * pitch_mm, 16 * teeth + 1)
+    at_block = np.clip((x - (teeth - 3) * pitch_mm) / (0.3 * pitch_mm), 0.0, 1.0)
+    top = 8.0 + height_mm * np.sin(2 * np.pi * x / pitch_mm) * (1 - at_block) + 4.0 * at_block
+    floor = np.zeros_like(x)
+    across = np.linspace(0.0, width_mm, 13)
+    loop = [np.stack([x, np.full_like(x, y), floor], 1) for y in across]
+    loop += [np.stack([x, np.full_like(x, y), top * share], 1) for y, share in [(width_mm, 0.5)]]
+    loop += [np.stack([x, np.full_like(x, y), top], 1) for y in across[::-1]]
+    loop += [np.stack([x, floor, 0.5 * top], 1)]
+    n, m = len(x), len(loop)
+    vertices = np.stack(loop, axis=1).reshape(-1, 3)
+    i, k = (q.ravel() for q in np.meshgrid(np.arange(n - 1), np.arange(m), indexing="ij"))
+    a, b, c, d = i * m + k, i * m + (k + 1) % m, (i + 1) * m + (k + 1) % m, (i + 1) * m + k
+    sides = np.concatenate([np.stack([a, d, c], 1), np.stack([a, c, b], 1)])
+    ends, middles = [], []
+    for number, (first, turn) in enumerate([(0, 1), ((n - 1) * m, -1)]):
+        ring = first + np.arange(m)
+        middles.append(vertices[ring].mean(axis=0))
+        hub = np.full(m, n * m + number)
+        ends.append(np.stack([hub, ring, np.roll(ring, -1)][::turn], 1))
+    return Mesh(np.concatenate([vertices, middles]), np.concatenate([sides, *ends]))

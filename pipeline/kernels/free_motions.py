@@ -19,6 +19,7 @@ PATCHES = 100
 MOST_EFFECTIVE = 300  # warp and calibration correlate everywhere: thousands of points never are so many samples
 LEAST_NOISE = 50.0
 WIDE = 10.0  # times the limit: a facet is soon left behind
+ASIDE = 0.05  # of the step of a weak motion: how far the others are tried
 WEAK = 0.02  # eigenvalues above this need no second look
 _PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
 
@@ -64,14 +65,14 @@ def observe(
     if kept.sum() < 6:
         return Observability(np.zeros(6), ())
     points, normals, residual, w = points[kept], normals[kept], residual_mm[kept], weights[kept] / weights[kept].sum()
-    centre = w @ points
+    centre = np.einsum("k,kd->d", w, points)  # like every sum here not by BLAS, which splits it among threads
     arm = points - centre
-    radius = max(float(np.sqrt(w @ (arm**2).sum(axis=1))), 1e-300)
+    radius = max(float(np.sqrt((w * (arm**2).sum(axis=1)).sum())), 1e-300)
     J = np.concatenate([np.cross(arm, normals) / radius, normals], axis=1)
     hessian = np.einsum("k,ki,kj->ij", w, J, J)
     eigenvalues, vectors = np.linalg.eigh(hessian)
     # nothing is known better than a fiftieth of what is asked for: not even a copy without noise
-    variance = max(float(w @ residual**2), (limit_mm / LEAST_NOISE) ** 2) / effective_count(points, residual, w)
+    variance = max(float((w * residual**2).sum()), (limit_mm / LEAST_NOISE) ** 2) / effective_count(points, residual, w)
     start = cost_mm2(np.eye(4))
 
     def noticed(vector: FloatArray) -> float:
@@ -79,11 +80,31 @@ def observe(
         linear = float(vector @ hessian @ vector)
         if linear > WEAK:
             return linear
-        twist = np.concatenate([vector[:3] / radius, vector[3:]])
         for step_mm in (limit_mm, WIDE * limit_mm):
-            rises = [cost_mm2(about(centre, side * step_mm * twist)) - start for side in (1.0, -1.0)]
+            rises = [lowest(vector, side * step_mm) - start for side in (1.0, -1.0)]
             linear = min(linear, max(0.0, sum(rises) / 2) / step_mm**2)
         return linear
+
+    def after(motion_mm: FloatArray) -> float:
+        return cost_mm2(about(centre, np.concatenate([motion_mm[:3] / radius, motion_mm[3:]])))
+
+    def lowest(vector: FloatArray, step_mm: float) -> float:
+        """The cost after so much of the motion, the others let go: facets mix a little of them into it, which over a wide
+        step is more than the part itself resists.
+        """
+        made, cost = step_mm * vector, after(step_mm * vector)
+        aside_mm = ASIDE * abs(step_mm)
+        for other in vectors.T:
+            if abs(float(other @ vector)) > 0.5:
+                continue
+            more, less = after(made + aside_mm * other), after(made - aside_mm * other)
+            curvature = more + less - 2 * cost
+            if curvature <= 0:
+                continue
+            best = made + float(np.clip((less - more) / (2 * curvature), -4.0, 4.0)) * aside_mm * other
+            if (lower := after(best)) < cost:
+                made, cost = best, lower
+        return cost
 
     def sigma_mm(vector: FloatArray) -> float:
         return float(min(np.sqrt(variance / max(noticed(vector), 1e-12)), 10 * radius))
@@ -103,7 +124,7 @@ def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatA
     """So many independent residuals scatter as these do: patches of the surface whose means vary less than single
     residuals hold independent ones, patches whose means vary as much hold one each. At least 6, at most 300.
     """
-    total = float(weights @ residual_mm**2)
+    total = float((weights * residual_mm**2).sum())
     if total <= 0:
         return float(min(MOST_EFFECTIVE, len(points)))
     extent = np.ptp(points, axis=0)

@@ -1,6 +1,7 @@
 """Candidate poses: from pairs of oriented correspondences, and from principal axes."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -96,15 +97,55 @@ def _axes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return mean, axes
 
 
-def distinct(T: FloatArray, order: IndexArray, probes: FloatArray, apart_mm: float, most: int) -> IndexArray:
-    """Numbers of poses in `order`, each at least `apart_mm` (RMS over `probes`) from those before it."""
+def distinct(
+    T: FloatArray,
+    order: IndexArray,
+    probes: FloatArray,
+    apart_mm: float,
+    most: int,
+    images: Sequence[FloatArray] = (),
+) -> IndexArray:
+    """Numbers of poses in `order`, each at least `apart_mm` (RMS over `probes`) from those before it, and from what the
+    target's own symmetries `images`, each (4, 4), make of those.
+    """
     placed = rigid.transformed(T[order], probes)
+    taken = np.zeros((0, *probes.shape))
     kept: list[int] = []
     for number in range(len(order)):
-        difference = placed[kept] - placed[number]
-        rms = np.sqrt((difference**2).sum(axis=2).mean(axis=1))
+        rms = np.sqrt(((taken - placed[number]) ** 2).sum(axis=2).mean(axis=1))
         if not (rms < apart_mm).any():
             kept.append(number)
             if len(kept) == most:
                 break
+            alike = [placed[number], *(rigid.transformed(image, placed[number]) for image in images)]
+            taken = np.concatenate([taken, alike])
     return order[np.array(kept, dtype=np.int64)]
+
+
+def nudged(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> FloatArray:
+    """(12 m, 4, 4) the pose T (4, 4) after a slide along and a turn about each principal axis of the placed `points`, to
+    either side, each by every one of the m `moved_mm` (RMS over the points).
+    """
+    placed = rigid.transformed(T, points)
+    mean, axes = _axes(placed)
+    arm = (placed - mean) @ axes
+    found = []
+    for step_mm in moved_mm:
+        for k in range(3):
+            lever = max(float(np.sqrt((np.delete(arm, k, axis=1) ** 2).sum(axis=1).mean())), 1e-300)
+            for side in (step_mm, -step_mm):
+                found.append(rigid.compose(np.eye(3), side * axes[:, k]))
+                turn = rigid.from_vector(np.concatenate([side / lever * axes[:, k], np.zeros(3)])[None])[0][:3, :3]
+                found.append(rigid.compose(turn, mean - turn @ mean))
+    return np.array(found) @ T
+
+
+def powers(step: FloatArray, most: int) -> FloatArray:
+    """(2 most, 4, 4) the motion `step` (4, 4) made once, twice, ..., `most` times, forth and back."""
+    found = []
+    for each in (step, rigid.inverse(step)):
+        T = np.eye(4)
+        for _ in range(most):
+            T = rigid.orthonormal(each @ T)
+            found.append(T)
+    return np.array(found)

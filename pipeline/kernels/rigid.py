@@ -54,7 +54,7 @@ def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = Non
     source, target : (k, 3), k >= 3 and not on one line, else the rotation about that line is arbitrary.
     """
     w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
-    source_mean, target_mean = w @ source, w @ target
+    source_mean, target_mean = np.einsum("k,kd->d", w, source), np.einsum("k,kd->d", w, target)
     covariance = np.einsum("k,ki,kj->ij", w, target - target_mean, source - source_mean)
     u, _, vt = np.linalg.svd(covariance)
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])

@@ -42,7 +42,7 @@ def stretch(
     placed = rigid.transformed(T_target_source, points)
     grown = np.ones(3 if per_axis else 1)
     T = np.eye(4)
-    centre = weights @ placed / weights.sum()
+    centre = np.einsum("k,kd->d", weights, placed) / weights.sum()
     about = placed - centre
     for _ in range(_ITERATIONS):
         # the scale acts along the target's axes, about the centre; then a small rigid motion
@@ -52,7 +52,7 @@ def stretch(
         if (w > 0).sum() < 6 + len(grown):
             return None
         arm = moved - centre
-        radius = float(np.sqrt(w @ (arm**2).sum(axis=1) / w.sum()))
+        radius = float(np.sqrt((w * (arm**2).sum(axis=1)).sum() / w.sum()))
         along = arm * found.normal / radius
         columns = along if per_axis else along.sum(axis=1, keepdims=True)
         J = np.column_stack([np.cross(arm, found.normal) / radius, found.normal, columns])

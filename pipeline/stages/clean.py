@@ -157,13 +157,12 @@ def _oriented(
 
 
 def _inside_out_faces(mesh: Mesh, edges: _EdgesOf) -> BoolArray:
-    """(m,) faces of a closed, single-piece mesh whose signed volume is negative.
+    """(m,) all faces of a closed mesh whose signed volume is negative, else none.
 
-    Only then is the answer certain: an inner shell of a hollow part rightly points inwards, and an open
-    surface has no volume.
+    An inner shell of a hollow part rightly points inwards, but takes less than the outer one holds; an open surface has no
+    volume.
     """
-    single = topology.vertex_components(mesh.faces, len(mesh.vertices))[mesh.faces.ravel()].max() == 0
     closed = bool((edges.of(mesh.faces).count == 2).all())
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[0] for k in range(3))
     negative = float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0
-    return np.full(len(mesh.faces), single and closed and negative, dtype=np.bool_)
+    return np.full(len(mesh.faces), closed and negative, dtype=np.bool_)

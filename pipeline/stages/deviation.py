@@ -107,7 +107,7 @@ def _distances(
     if tolerance_mm is not None:
         above = float(weights[signed > tolerance_mm].sum())
         below = float(weights[signed < -tolerance_mm].sum())
-        within = 1.0 - above - below
+        within = max(0.0, 1.0 - above - below)  # rounding
     return {
         **_spread(signed, weights, counted),
         "mean_abs_mm": float((weights * np.abs(signed)).sum()),

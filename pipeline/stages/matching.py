@@ -21,10 +21,14 @@ DESIGN_SAMPLES = 20_000
 DENSE_POINTS = 160
 COARSE_POINTS = 150
 MAX_RANKED = 3000  # of the cheaply judged poses, so many are looked at for distinct ones
-KEEP_APART_SHARE = 0.04  # of the diagonal: nearer poses are one hypothesis
+KEEP_APART_SHARE = 0.04  # of the diagonal: nearer poses are one hypothesis, but for those about the best:
+NUDGES = (0.015, 0.03, 0.06)  # a tooth or a hole further: from so far, of the diagonal, an ICP ends in the next one
+NEXT_SHARE = 0.01  # of the diagonal: the next tooth is at least so far off
+STEPS, STEPS_ON = 4, 40  # so many of the steps to a next tooth are walked on, so often to either side
 COARSE_SHARE = 0.05  # of the diagonal: truncation while poses are still rough
 FINE_SHARE = 0.015
 FINALISTS = 12
+MOST_LANDMARKS = 400  # of a mesh, the strongest: all pairs of their candidates are looked at in one array
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +70,8 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True)
 class Matching:
-    """hypotheses : distinct poses, best first (never empty); T_landmarks : fit of the matched landmarks alone under the
-    best pose, None when fewer than three match; design, scan : (k,) numbers of the matched landmarks
+    """hypotheses : distinct poses, best first (never empty); design, scan : (k,) numbers of the landmarks that match under
+    the best of them, or under the pose that was asked for; T_landmarks : their fit, None when fewer than three match
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -76,14 +80,24 @@ class Matching:
     scan: IndexArray
 
 
-def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings, seed: int) -> Matching:
+def match(
+    design: Side,
+    scan: Side,
+    length_mm: float,
+    settings: MatchingSettings,
+    seed: int,
+    images: tuple[FloatArray, ...] = (),
+    near: tuple[FloatArray, ...] = (),
+) -> Matching:
     """Poses of two corresponding oriented points, each refined by a short ICP; the lowest truncated
     point-to-plane cost with agreeing normals wins.
 
-    length_mm : the length that descriptors, tolerances and shortest pairs are multiples of.
+    length_mm : the length that descriptors, tolerances and shortest pairs are multiples of; images : (4, 4) each, the
+    design's own symmetries where they are known: of poses that differ by one of them one is kept, so that the images of
+    one pose do not crowd out others; near : those under which it is nearly its own image (`SelfImages.near`).
 
-    An open scan does not tell its outside from its inside (depth-camera meshes come either way), so its poses are
-    also tried with the normals turned over.
+    An open surface does not tell its outside from its inside (depth-camera meshes come either way), so where one of the two
+    is open, poses are also tried with the normals turned over.
     """
     diagonal = design.mesh.diagonal_mm
     samples = sampling.on_surface(design.mesh, DESIGN_SAMPLES, seed)
@@ -91,11 +105,11 @@ def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings
     few = slice(None, None, max(1, len(probes.points) // COARSE_POINTS))
     fewer = slice(None, None, 4 * few.step)
     target = icp.Target(cKDTree(samples.points), samples.points, samples.normals)
-    corners = _corners(scan.mesh)
+    box = corners(scan.mesh)
 
     def best_distinct(pool: Pool, cost: FloatArray, most: int) -> Pool:
         order = np.argsort(cost, kind="stable")[:MAX_RANKED]
-        return pool.take(poses.distinct(pool.T, order, corners, KEEP_APART_SHARE * diagonal, most))
+        return pool.take(poses.distinct(pool.T, order, box, KEEP_APART_SHARE * diagonal, most, images))
 
     def refined(pool: Pool, points: slice, share: float, iterations: int) -> tuple[Pool, FloatArray]:
         T, cost = icp.refine_many(
@@ -108,6 +122,40 @@ def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings
             iterations=iterations,
         )
         return replace(pool, T=T), cost
+
+    def next_to_best(pool: Pool) -> Pool:
+        """Where the best comes to lie a tooth or a hole further: a rack or a gear fits there almost as well."""
+        T = poses.nudged(pool.T[0], probes.points[few], [share * diagonal for share in NUDGES])
+        around = Pool(T, np.full(len(T), pool.facing[0]), np.full(len(T), pool.source[0]), np.zeros(len(T)))
+        for points, iterations in ((few, 8), (slice(None), 10)):
+            if len(around.T) == 0:
+                break
+            around, cost = refined(around, points, FINE_SHARE, iterations)
+            around = others(replace(around, cost=cost), pool)
+        return around
+
+    def further(pool: Pool, around: Pool) -> Pool:
+        """On from there by the same step, as often as it goes, and where the design repeats itself: the right tooth may be
+        any.
+        """
+        back, steps = rigid.inverse(pool.T[0]), around.take(np.argsort(around.cost, kind="stable")[:STEPS])
+        moves = [*near, *(T for step in steps.T for T in poses.powers(step @ back, STEPS_ON))]
+        if not moves:
+            return pool.take(np.zeros(0, dtype=np.int64))
+        T = np.array(moves) @ pool.T[0]
+        on = Pool(T, np.full(len(T), pool.facing[0]), np.full(len(T), pool.source[0]), np.zeros(len(T)))
+        on = on.take(np.argsort(judged(on, slice(None)), kind="stable")[: 8 * FINALISTS])
+        for points, iterations, most in ((few, 6, 8), (slice(None), 1, 1), (slice(None), 10, 1)):
+            on, cost = refined(on, points, FINE_SHARE, iterations)
+            on = replace(on, cost=cost).take(np.argsort(cost, kind="stable")[: most * FINALISTS])
+        return others(on, pool.and_then(around))
+
+    def others(new: Pool, known: Pool) -> Pool:
+        """Those of `new` that are none of `known`, each once, the best first."""
+        both = np.concatenate([known.T, new.T])
+        order = np.concatenate([np.arange(len(known.T)), len(known.T) + np.argsort(new.cost, kind="stable")])
+        kept = poses.distinct(both, order, box, NEXT_SHARE * diagonal, len(order), images)
+        return new.take(kept[kept >= len(known.T)] - len(known.T))
 
     pool = _candidates(design, scan, samples.points, probes.points, length_mm, settings)
     grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
@@ -123,11 +171,13 @@ def match(design: Side, scan: Side, length_mm: float, settings: MatchingSettings
     pool, cost = refined(pool, slice(None), FINE_SHARE, 10)
     numbered = replace(pool, cost=cost)
     pool = best_distinct(numbered, cost, FINALISTS)
+    around = next_to_best(pool)
+    pool = pool.and_then(around).and_then(further(pool, around))
     hypotheses = tuple(
         Hypothesis(rigid.orthonormal(pool.T[k]), float(pool.facing[k]), float(pool.cost[k]), _SOURCES[pool.source[k]])
         for k in range(len(pool.T))
     )
-    return _with_matches(design, scan, hypotheses, length_mm)
+    return with_matches(design, scan, hypotheses, hypotheses[0].T_design_scan, length_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +191,11 @@ class Pool:
 
     def take(self, index: IndexArray) -> "Pool":
         return Pool(self.T[index], self.facing[index], self.source[index], self.cost[index])
+
+    def and_then(self, other: "Pool") -> "Pool":
+        """The poses of both, by cost; of equal ones these first."""
+        both = Pool(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in self.__slots__))
+        return both.take(np.argsort(both.cost, kind="stable"))
 
 
 def _candidates(
@@ -169,9 +224,10 @@ def _candidates(
 
     spread = sampling.farthest(scan.mesh.vertices, DENSE_POINTS)
     everywhere = sampling.farthest(design.mesh.vertices, 4 * DENSE_POINTS)
-    for facing in (1.0, -1.0) if _is_open(scan.mesh) else (1.0,):
+    for facing in (1.0, -1.0) if _is_open(scan.mesh) or _is_open(design.mesh) else (1.0,):
         if min(len(design.landmarks.vertex), len(scan.landmarks.vertex)) >= 2:
-            found = from_pairs(scan.landmarks.vertex, design.landmarks.vertex, settings.candidates, facing)
+            strongest = scan.landmarks.vertex[:MOST_LANDMARKS], design.landmarks.vertex[:MOST_LANDMARKS]
+            found = from_pairs(*strongest, settings.candidates, facing)
             pools.append((found, facing, 0))
         if settings.dense_pairs:
             pools.append((from_pairs(spread, everywhere, 3, facing), facing, 1))
@@ -213,13 +269,12 @@ def _nearest_descriptors(
     return np.repeat(np.arange(len(scan_fpfh)), k), k_nearest(design_fpfh, scan_fpfh, k).ravel()
 
 
-def _with_matches(design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], length_mm: float) -> Matching:
-    """Landmarks that are each other's nearest under the best pose, within `length_mm`."""
+def with_matches(
+    design: Side, scan: Side, hypotheses: tuple[Hypothesis, ...], T_design_scan: FloatArray, length_mm: float
+) -> Matching:
+    """Landmarks that are each other's nearest under `T_design_scan`, within `length_mm`."""
     nobody = np.zeros(0, dtype=np.int64)
-    q, p = (
-        design.landmarks.position_mm,
-        rigid.transformed(hypotheses[0].T_design_scan, scan.landmarks.position_mm),
-    )
+    q, p = design.landmarks.position_mm, rigid.transformed(T_design_scan, scan.landmarks.position_mm)
     if len(q) == 0 or len(p) == 0:
         return Matching(hypotheses, None, nobody, nobody)
     distance, to_design = nearest(q, p)
@@ -239,7 +294,8 @@ def _spans_a_plane(points: FloatArray, length_mm: float) -> bool:
     return bool(spread[1] > length_mm)
 
 
-def _corners(mesh: Mesh) -> FloatArray:
+def corners(mesh: Mesh) -> FloatArray:
+    """(8, 3) of its bounding box."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     grid = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
     return np.asarray(low + grid * (high - low), dtype=np.float64)

@@ -44,7 +44,8 @@ class ScaleFound:
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """best : the final pose; rivals : other distinct poses refined to the end, by cost; fit : under the best.
+    """best : the final pose; rivals : other distinct poses, by score, those near the best refined to the end; fit : under
+    the best.
 
     rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie on the design;
     scan_surface : of the cleaned scan in its own frame, None of points
@@ -132,12 +133,18 @@ def observed(
 def _scale(points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float) -> ScaleFound:
     given = (points.points, points.weights, design, T_design_scan, inlier_mm)
     one, three = stretch(*given, per_axis=False), stretch(*given, per_axis=True)
+    # a surface that hardly tells its size lets the noise say anything
+    one, three = (each if each is not None and _is_likely(each.factors) else None for each in (one, three))
     bent = three or one
     return ScaleFound(
         None if one is None else float(one.factors[0]),
         None if three is None else three.factors,
         None if bent is None else warp_mm(bent, points.weights),
     )
+
+
+def _is_likely(factors: FloatArray) -> bool:
+    return bool(np.isfinite(factors).all() and (np.abs(np.log2(np.maximum(factors, 1e-300))) < 1).all())
 
 
 def _complete(few: ScanPoints, design: Surface, settings: RegistrationSettings) -> FloatArray:

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from pipeline import doubts
 from pipeline.analysis import analyse
+from pipeline.margin import LOOSE_MARGIN
 from pipeline.mesh import Mesh
-from pipeline.verdict import CONFIDENCE, LOOSE_MARGIN, MOST_MARGIN, Case, evidence, judge, probability
+from pipeline.verdict import CONFIDENCE, MOST_MARGIN, Case, evidence, judge, probability
 from pipeline.watch import silent
 from tests import shapes
 from tests.pipeline.designs import design_of

@@ -39,13 +39,24 @@ def test_what_a_pose_leaves_of_an_offset_sphere() -> None:
     assert left.rmse_mm == pytest.approx(1.0, rel=0.01)
     assert left.cost_mm2 == pytest.approx(1.0, rel=0.02)
     assert scan.every.left(np.eye(4), outer, 0.5).cost_mm2 == pytest.approx(0.25)
-    assert scan.coverage(np.eye(4), outer, 1.2) == 1.0
-    assert scan.coverage(np.eye(4), outer, 0.5) == 0.0
+    assert scan.coverage(np.eye(4), 1.0, outer, 1.2) == 1.0
+    assert scan.coverage(np.eye(4), 1.0, outer, 0.5) == 0.0
 
 
 def test_half_a_sphere_covers_half() -> None:
     whole = shapes.icosphere(10.0, 4)
     faces = whole.faces[(whole.vertices[whole.faces].mean(axis=1)[:, 2] > 0)]
     half = Scan(type(whole)(whole.vertices, faces), RegistrationSettings(), 0)
-    assert half.coverage(np.eye(4), Surface(whole), 0.1) == pytest.approx(0.5, abs=0.02)
+    assert half.coverage(np.eye(4), 1.0, Surface(whole), 0.1) == pytest.approx(0.5, abs=0.02)
     assert len(sampling.on_surface(whole, 7, 0).points) == 7
+
+
+def test_the_scan_of_one_side_of_a_thin_wall_covers_that_side_only() -> None:
+    """A plate of 20 x 20 x 0.4 mm, an inlier distance of 1 mm: the other side is near, and not seen."""
+    plate = Surface(shapes.box((20.0, 20.0, 0.4), 4))
+    top = shapes.grid_plane(21, 21).moved(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.4], [0, 0, 0, 1.0]]))
+    scan = Scan(top, RegistrationSettings(), 0)
+    side = 400.0 / float(plate.mesh.face_areas_mm2().sum())
+    assert scan.coverage(np.eye(4), 1.0, plate, 1.0) == pytest.approx(side, abs=0.02)
+    inward = Scan(type(top)(top.vertices, top.faces[:, ::-1]), RegistrationSettings(), 0)
+    assert inward.coverage(np.eye(4), -1.0, plate, 1.0) == pytest.approx(side, abs=0.02)

@@ -132,6 +132,57 @@ def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -
     assert "free_motion" in codes(result) and result.transform is not None
 
 
+def cut(scan: Mesh, kept: np.ndarray) -> Mesh:
+    """The triangles all of whose corners are `kept` (n,)."""
+    faces = scan.faces[kept[scan.faces].all(axis=1)]
+    used = np.unique(faces)
+    return Mesh(scan.vertices[used], np.searchsorted(used, faces))
+
+
+def test_a_rack_lies_on_the_right_teeth(tmp_path: Path) -> None:
+    part = shapes.rack()
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 5), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ok" and result.transform is not None
+    found, truth = np.array(result.transform.matrix), rigid.inverse(shapes.motion(5))
+    assert rigid.rms_displacement(found, truth, part.moved(shapes.motion(5)).vertices) < 0.1
+
+
+def test_teeth_without_an_end_are_ambiguous_and_the_next_tooth_is_an_alternative(tmp_path: Path) -> None:
+    """A tooth on is 3.3 % of the diagonal: too near for two hypotheses, too far to be the same pose."""
+    part = shapes.rack()
+    middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(middle, 5), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ambiguous" and result.transform is not None
+    assert result.verdict.confidence is not None and result.verdict.confidence <= 0.5
+    best, points = np.array(result.transform.matrix), middle.moved(shapes.motion(5)).vertices
+    apart = [rigid.rms_displacement(np.array(each.matrix), best, points) for each in result.alternatives]
+    assert min(abs(each - 3.0) for each in apart) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_matches_are_of_the_pose_that_is_given(tmp_path: Path, seed: int) -> None:
+    """Of a part with four equal poses another one may win than the one that matching put first."""
+    part = cross(4)
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, seed), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert len(result.landmarks.matches) >= 3
+    length_mm = QUICK.matching.length_share * float(np.sqrt(part.face_areas_mm2().sum()))
+    assert max(match.residual_mm for match in result.landmarks.matches) < length_mm
+    rmse = result.metrics.rmse_landmarks_mm
+    assert rmse is not None and result.metrics.rmse_mm is not None and rmse < result.metrics.rmse_mm + 1.0
+
+
+def test_a_bolt_in_inches_is_told_although_it_can_turn(tmp_path: Path) -> None:
+    part = shapes.beads()
+    scan = noisy(part, 2)
+    design = save(part, tmp_path / "design.ply")
+    inches = save(Mesh(scan.vertices / 25.4, scan.faces), tmp_path / "scan.ply")
+    result = pipeline.register(design, inches, settings=QUICK)
+    assert result.verdict.status == "units_suspect" and "free_motion" in codes(result)
+
+
 def test_another_part_is_no_match(tmp_path: Path) -> None:
     design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
     result = pipeline.register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)

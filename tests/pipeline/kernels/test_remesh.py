@@ -22,6 +22,23 @@ def test_about_a_tenth_of_the_triangles_lies_on_the_same_surface(part: Mesh) -> 
     assert Surface(few).closest(part.vertices).distance.max() < 0.002 * part.diagonal_mm
 
 
+def test_a_scan_as_rough_as_its_triangles_comes_down_too() -> None:
+    """Noise of a third of an edge: the careful way stops at several times what was asked."""
+    part = shapes.bumpy_blob(6)
+    noise = np.random.default_rng(0).normal(0, 0.1, part.vertices.shape)
+    rough = Mesh(part.vertices + noise, part.faces)
+    few = remesh.decimated(rough, 8000)
+    assert len(few.faces) <= 8100 < 16_000 < len(remesh._simplified(rough, 8000, remesh.CAREFUL).faces)
+    assert topology.edges(few.faces).count.max() == 2
+    distance = Surface(part).closest(few.vertices).distance
+    assert np.sqrt((distance**2).mean()) < 0.2
+
+
+def test_roughness_of_a_plane_and_of_a_cube() -> None:
+    assert remesh.roughness_deg(shapes.grid_plane()) == pytest.approx(0.0, abs=1e-5)
+    assert remesh.roughness_deg(shapes.box()) > 20.0  # every corner is one of the cube's
+
+
 def test_an_open_border_stays_but_for_its_corners() -> None:
     plane = shapes.grid_plane(101, 76)
     few = remesh.decimated(plane, 1000)
