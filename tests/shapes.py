@@ -121,6 +121,19 @@ def beads(radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around
     return Mesh(np.concatenate([rings, ends]), np.concatenate([*sides, first_cap, last_cap]))
 
 
+def gear(teeth: int = 60, radius_mm: float = 20.0) -> Mesh:
+    """A closed ring about z with low teeth all round and a key at angle 0, higher above than below: one pose only, and
+    nearly as good a one for every tooth that it is turned by, either side up.
+    """
+    ring = torus(radius_mm, radius_mm / 4, around=8 * teeth, across=48)
+    angle = np.arctan2(ring.vertices[:, 1], ring.vertices[:, 0])
+    middle = radius_mm * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    off = ring.vertices - middle
+    above = 1.0 + 0.5 * np.clip(8.0 * off[:, 2] / radius_mm, -1.0, 1.0)
+    key = 0.25 * np.exp(-((angle / 0.15) ** 2)) * above
+    return Mesh(middle + off * (1.0 + 0.08 * np.cos(teeth * angle) + key)[:, None], ring.faces)
+
+
 def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_mm: float = 12.0) -> Mesh:
     """A closed toothed bar along x, teeth on top, with a higher block over the last three pitches: one pose only, and
     nearly as good a one for every tooth that it is moved by.

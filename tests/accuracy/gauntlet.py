@@ -78,6 +78,7 @@ class Row:
     findings: tuple[str, ...] = ()
     at_rival: bool = False
     flagged: bool = True
+    right_but_refused: bool = False
     drift: float | None = None
     peak_mb: float | None = None
     detail: str = ""
@@ -180,6 +181,9 @@ def run_cusp(case: Case, kept: Path | None = None) -> Row:
             return _row(case, CUSP, f"refused: {refused.code}", clock.read(), None)
         took = clock.read()
     found = None if result.transform is None else error(case, np.array(result.transform.matrix))
+    refused = None
+    if result.transform is None and result.alternatives and case.unit_factor == 1.0:
+        refused = error(case, np.array(result.alternatives[0].matrix))
     status = result.verdict.status
     right = None if found is None else found.right
     if case.unit_factor != 1.0 and right:
@@ -190,6 +194,7 @@ def run_cusp(case: Case, kept: Path | None = None) -> Row:
     return _with(
         row,
         right=row.right and right,
+        right_but_refused=refused is not None and refused.right and not refused.at_rival,
         confidence=result.verdict.confidence,
         findings=tuple(finding.code for finding in result.verdict.findings),
         flagged=flagged or not (case.symmetric and status == "ok"),
@@ -225,6 +230,7 @@ def compared(spec: Spec) -> bool:
         *gauntlet_cases.CONDITIONS,
         "symmetric",
         "nearly symmetric",
+        "fine pitch",
         "featureless bar",
         "depth camera",
     }
@@ -385,7 +391,8 @@ def _quality(ours: list[Row], groups: list[str]) -> Table:
 
 def _success(rows: list[Row], tools: list[str], groups: list[str]) -> Table:
     """Over the cases that every tool has run, so that the columns compare. A case for which all poses are wrong by their
-    very data (`Case.drift`) counts against all."""
+    very data (`Case.drift`) counts against all. "+n refused": the right pose was found, and the verdict gave none; peers have
+    no verdict."""
     of = {tool: {row.case: row for row in rows if row.tool == tool and row.right is not None} for tool in tools}
     common = set.intersection(*(set(cases) for cases in of.values()))
     made = Table("group", "cases", *tools, title="Right pose, same cases; every peer refined by the same ICP")
@@ -393,6 +400,8 @@ def _success(rows: list[Row], tools: list[str], groups: list[str]) -> Table:
         cases = [case for case in common if group in (of[CUSP][case].group, "all")]
         if cases:
             shares = [_share(sum(bool(of[tool][case].right) for case in cases), len(cases)) for tool in tools]
+            refused = sum(of[CUSP][case].right_but_refused for case in cases)
+            shares[0] += f" (+{refused} refused)" if refused else ""
             made.add_row(group, str(len(cases)), *shares)
     if common:
         for words, what in (("median s", "seconds"), ("median s of CPU", "cpu_s")):
