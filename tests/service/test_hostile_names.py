@@ -29,7 +29,7 @@ def get(service: Service, path: str, method: str = "GET") -> tuple[int, dict[str
     """As it stands: httpx would tidy the path first."""
     connection = http.client.HTTPConnection(service.http.base_url.host, service.http.base_url.port or 80, timeout=10)
     connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
-    connection.putheader("Host", "cusp")
+    connection.putheader("Host", "localhost")
     connection.endheaders()
     answer = connection.getresponse()
     answer.read()
