@@ -12,7 +12,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test servers check format bench image-test openapi clean
+.PHONY: help setup demo serve test nightly servers check format bench image-test openapi clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -46,6 +46,9 @@ serve: $(READY) ## start the service on HOST:PORT
 test: $(READY) servers ## all tests; those marked `data` need CUSP_DATA
 	$(BIN)/python -m pytest
 
+nightly: $(READY) servers ## the hostile tests at length: 2,400 broken meshes, 300 requests an address
+	CUSP_TEST_NIGHTLY=1 $(BIN)/python -m pytest --timeout 3600 tests/service/test_malformed_meshes.py tests/service/test_contract.py
+
 servers: # PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
 	@if command -v chromium >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core >/dev/null || true; \
@@ -77,6 +80,10 @@ bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on r
 	$(BIN)/python -m tests.accuracy.teeth
 	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench
+	$(BIN)/python -m tests.accuracy.deviation
+	$(BIN)/python -m tests.accuracy.budgets --large
+	$(BIN)/python -m tests.endurance.load
+	$(BIN)/python -m tests.endurance.chaos
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt kiss-matcher
 	$(BIN)/python -m tests.accuracy.gauntlet --seeds 1 --peers --out gauntlet.jsonl
 

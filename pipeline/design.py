@@ -77,7 +77,9 @@ class Design:
         if not self.kept.files:
             names = [*write_analysis(out, "design", self.analysis, self._settings), "design.glb"]
             marks = self.analysis.mesh.vertices[self.analysis.landmark_vertices]
-            viewing.write_glb(out / "design.glb", self.analysis.mesh, self.analysis.segment_colours(), marks)
+            viewing.write_glb(
+                out / "design.glb", viewing.Light(self.analysis.mesh), self.analysis.segment_colours(), marks
+            )
             self.kept = replace(self.kept, files={name: (out / name).read_bytes() for name in names})
         for name, content in self.kept.files.items():
             (out / name).write_bytes(content)

@@ -1,6 +1,6 @@
 """What a job leaves to look at: coloured meshes, drawings, and the report, from what the stages found."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from pipeline.report_page import Pictures, Views, views_of
 from pipeline.settings import ReportSettings
 from pipeline.stages import report
 from pipeline.stages.deviation import Deviations
+from pipeline.viewing import Light
 
 OF_DEVIATION = ("deviation.ply", "deviation.glb", "deviation_histogram.svg")
 PAGE = "report.html"
@@ -30,15 +31,16 @@ class Written:
     notes: tuple[Note, ...] = ()
 
 
-def write_deviation(out: Path, aligned: Mesh, measured: Deviations) -> list[str]:
+def write_deviation(out: Path, shown: Light, measured: Deviations) -> list[str]:
     """The aligned scan in the colours of its deviation, and their histogram; returns the names."""
     if measured.summary is None:
         return []
+    aligned = shown.full
     scale = _scale(measured)
     colours = scale.colours(measured.signed_mm, measured.counted)
     report.write_mesh(out / "deviation.ply", aligned, colours)
     counted_mm = np.where(measured.counted, measured.signed_mm, np.nan)
-    viewing.write_glb(out / "deviation.glb", aligned, colours, deviation_mm=counted_mm)
+    viewing.write_glb(out / "deviation.glb", shown, colours, deviation_mm=counted_mm)
     weights = aligned.weights() * measured.counted
     deviation_histogram.write(out / "deviation_histogram.svg", measured.signed_mm, weights, measured.summary, scale)
     return list(OF_DEVIATION)
@@ -49,14 +51,15 @@ def write_registration_page(
     result: RegistrationResult,
     design: Design,
     scan: Analysis,
-    aligned: Mesh | None,
+    shown: Light,
     measured: Deviations,
     settings: ReportSettings,
 ) -> Written:
-    """The page, and what the settings ask for beside it. aligned : the scan on the design; None without a pose"""
+    """The page, and what the settings ask for beside it. shown : the scan on the design; without a pose where it was"""
+    aligned = None if result.transform is None else shown.full
     views = Views(
-        placed=_placed(result, design, scan, aligned, measured),
-        parts=_parts(design.analysis, scan, aligned),
+        placed=_placed(result, design, shown, measured),
+        parts=_parts(design.analysis, scan, shown, is_aligned=aligned is not None),
         sizes=_sizes(result, design.analysis.mesh, aligned, scan.mesh),
     )
     more = _write_page(out, report_page.registration(result, views, out), settings)
@@ -68,10 +71,9 @@ def write_registration_page(
 
 def write_landmarks_page(out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings) -> Written:
     """The page of a landmarks job."""
-    shown = Pictures(
-        "Segments and landmarks", "segments of the", _segments("mesh", found, found.mesh, count=4), SEGMENTS_NOTE
-    )
-    return _write_page(out, report_page.landmarks(result, shown, out), settings)
+    views = _segments("mesh", found, Light(found.mesh), found.mesh, count=4)
+    pictures = Pictures("Segments and landmarks", "segments of the", views, SEGMENTS_NOTE)
+    return _write_page(out, report_page.landmarks(result, pictures, out), settings)
 
 
 def write_study_page(out: Path, result: StudyResult, settings: ReportSettings) -> Written:
@@ -96,24 +98,22 @@ def _write_three_mf(out: Path, aligned: Mesh, measured: Deviations) -> Written:
     return Written(files=(ALIGNED_3MF,))
 
 
-def _placed(
-    result: RegistrationResult, design: Design, scan: Analysis, aligned: Mesh | None, measured: Deviations
-) -> Pictures | None:
+def _placed(result: RegistrationResult, design: Design, shown: Light, measured: Deviations) -> Pictures | None:
     """The scan where it fits, or where it fits least badly: the one shows what to mend, the other what went wrong."""
     title, note = "Deviation of the scan from the design", ""
-    rejected = aligned is None
-    if aligned is None:
+    rejected = result.transform is None
+    if rejected:
         if not result.alternatives:
             return None
-        aligned = scan.mesh.moved(np.array(result.alternatives[0].matrix))
+        shown = shown.moved(np.array(result.alternatives[0].matrix))
         title = "Not a measurement: the best pose that was tried, and rejected"
         note = "Where the scan lies on the design here, and where it does not, may tell why the two do not fit."
     if measured.summary is None:
         return None
     scale = _scale(measured)
-    shown, colours = viewing.lighter(aligned, scale.colours(measured.signed_mm, measured.counted))
+    colours = shown.values(scale.colours(measured.signed_mm, measured.counted))
     legend = report_page.legend(scale, measured.summary.sign, rejected=rejected)
-    return Pictures(title, "distances of the scan", views_of(shown, colours, design.analysis.mesh), note, legend)
+    return Pictures(title, "distances of the scan", views_of(shown.mesh, colours, design.analysis.mesh), note, legend)
 
 
 def _scale(measured: Deviations) -> ColourScale:
@@ -121,21 +121,19 @@ def _scale(measured: Deviations) -> ColourScale:
     return ColourScale.of(measured.signed_mm, measured.counted, tolerance_mm)
 
 
-def _parts(design: Analysis, scan: Analysis, aligned: Mesh | None) -> Pictures:
+def _parts(design: Analysis, scan: Analysis, shown: Light, *, is_aligned: bool) -> Pictures:
     """Segments of both beside each other; with a pose from the same sides, however the scan was uploaded."""
-    if aligned is not None:
-        scan = replace(scan, mesh=aligned)
-    of_design = _segments("design", design, design.mesh, count=2)
-    of_scan = _segments("scan", scan, scan.mesh if aligned is None else design.mesh, count=2)
+    of_design = _segments("design", design, Light(design.mesh), design.mesh, count=2)
+    of_scan = _segments("scan", scan, shown, design.mesh if is_aligned else shown.full, count=2)
     beside = [each for side in zip(of_design, of_scan, strict=True) for each in side]
     note = f"{SEGMENTS_NOTE} Each mesh is numbered and coloured by itself."
     return Pictures("Segments and landmarks", "segments of the", beside, note)
 
 
-def _segments(name: str, found: Analysis, like: Mesh, count: int) -> list[tuple[str, bytes]]:
-    shown, colours = viewing.lighter(found.mesh, found.segment_colours())
-    marks: FloatArray = np.asarray(found.mesh.vertices[found.landmark_vertices])
-    views = views_of(shown, colours, like, count=count, marks_mm=marks)
+def _segments(name: str, found: Analysis, shown: Light, like: Mesh, count: int) -> list[tuple[str, bytes]]:
+    """shown : its mesh, in whatever frame it is to be seen"""
+    marks: FloatArray = np.asarray(shown.full.vertices[found.landmark_vertices])
+    views = views_of(shown.mesh, shown.values(found.segment_colours()), like, count=count, marks_mm=marks)
     return [(f"{name} {caption}", data) for caption, data in views]
 
 

@@ -1,6 +1,7 @@
 """The mesh every stage and kernel works on: checked once here, trusted from then on."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -14,7 +15,7 @@ IndexArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: areas are asked for again and again, and kept
 class Mesh:
     """Triangles over points, in millimetres. No faces at all is a point cloud.
 
@@ -60,8 +61,14 @@ class Mesh:
         return np.asarray(np.cross(b - a, c - a), dtype=np.float64)
 
     def face_areas_mm2(self) -> FloatArray:
-        """(m,) triangle areas."""
-        return np.asarray(0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1), dtype=np.float64)
+        """(m,) triangle areas; read-only."""
+        return self._face_areas_mm2
+
+    @cached_property
+    def _face_areas_mm2(self) -> FloatArray:
+        areas = np.asarray(0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1), dtype=np.float64)
+        areas.flags.writeable = False
+        return areas
 
     def vertex_areas_mm2(self) -> FloatArray:
         """(n,) lumped (barycentric) areas: a third of the incident triangles; sums to the area of the mesh."""

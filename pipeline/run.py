@@ -31,6 +31,7 @@ from pipeline.stages import report
 from pipeline.stages.deviation import deviation, deviation_of_design
 from pipeline.stages.study import study
 from pipeline.verdict import POSED, Case, judge
+from pipeline.viewing import Light
 from pipeline.watch import Watch
 
 R = TypeVar("R", RegistrationResult, SegmentsResult, LandmarksResult, StudyResult)
@@ -95,7 +96,7 @@ def run_registration(
         scan=landmark_records(scan),
         matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if posed else [],
     )
-    aligned = scan.mesh.moved(T_design_scan) if posed else None
+    shown = Light(scan.mesh.moved(T_design_scan) if posed else scan.mesh)
     files: list[str] = []
     if out is not None:
         with watch.stage(Stage.REPORT):
@@ -106,9 +107,9 @@ def run_registration(
                     out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
                 )
                 files += ["landmarks.csv", job_files.PAGE]
-                if aligned is not None:
-                    report.write_mesh(out / "aligned.ply", aligned)
-                    files += ["aligned.ply", *job_files.write_deviation(out, aligned, measured)]
+                if posed:
+                    report.write_mesh(out / "aligned.ply", shown.full)
+                    files += ["aligned.ply", *job_files.write_deviation(out, shown, measured)]
             files.append("results.json")
 
     result = RegistrationResult(
@@ -146,7 +147,7 @@ def run_registration(
         result,
         out,
         watch,
-        lambda out, done: job_files.write_registration_page(out, done, known, scan, aligned, measured, settings.report),
+        lambda out, done: job_files.write_registration_page(out, done, known, scan, shown, measured, settings.report),
     )
     if design_cache is not None and is_new:
         known.keep(design_cache)

@@ -70,7 +70,12 @@ class SelfImages:
         return images
 
     def contains(self, T: FloatArray) -> bool:
-        """Whether T (4, 4), as two poses of a noisy scan tell it, is one of them: known, or shown by the surface itself."""
+        """Whether T (4, 4), as two poses of a noisy scan tell it, is one of them: known, or shown by the surface itself.
+
+        A small motion is none: a pose next to another is its rival.
+        """
+        if self.same(T, np.eye(4)):
+            return False
         return any(self.same(T, each) for each in self.others) or self.refined(T) is not None
 
     def refined(self, T: FloatArray) -> FloatArray | None:

@@ -1,5 +1,6 @@
 """glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the vertices."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from pipeline.kernels import remesh
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import FloatArray, IntArray, Mesh
+from pipeline.mesh import FloatArray, IndexArray, IntArray, Mesh
 
 MAX_FACES = 200_000
 M_PER_MM = 1e-3
@@ -16,17 +17,39 @@ BALL_COLOUR = (25, 25, 25)
 NOT_COUNTED = 1e31  # glTF has no NaN
 
 
-def lighter(mesh: Mesh, colours: FloatArray) -> tuple[Mesh, FloatArray]:
-    """At most about `MAX_FACES` triangles of nearly the same surface, each vertex with the colour of the nearest one."""
-    if mesh.is_cloud or len(mesh.faces) <= MAX_FACES:
-        return mesh, colours
-    light = remesh.decimated(mesh, MAX_FACES // 2)
-    return light, colours[nearest(mesh.vertices, light.vertices)[1]]
+class Light:
+    """A mesh as viewers get it: at most about `MAX_FACES` triangles of nearly the same surface. Made when first asked for,
+    then shared by all that show the mesh; full : as it is
+    """
+
+    def __init__(self, full: Mesh) -> None:
+        self.full = full
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        if self.full.is_cloud or len(self.full.faces) <= MAX_FACES:
+            return self.full
+        return remesh.decimated(self.full, MAX_FACES // 2)
+
+    @cached_property
+    def _of_full(self) -> IndexArray | None:
+        return None if self.mesh is self.full else nearest(self.full.vertices, self.mesh.vertices)[1]
+
+    def values(self, of_full: FloatArray) -> FloatArray:
+        """(k, ...) for each vertex that is shown the value (n, ...) of the nearest one of the full mesh."""
+        return of_full if self._of_full is None else of_full[self._of_full]
+
+    def moved(self, T_target_mesh: FloatArray) -> "Light":
+        """The same in another frame."""
+        other = Light(self.full.moved(T_target_mesh))
+        other.__dict__["_of_full"] = self._of_full
+        other.__dict__["mesh"] = other.full if self._of_full is None else self.mesh.moved(T_target_mesh)
+        return other
 
 
 def write_glb(
     path: Path,
-    mesh: Mesh,
+    light: Light,
     colours: FloatArray,
     marks_mm: FloatArray | None = None,
     deviation_mm: FloatArray | None = None,
@@ -39,7 +62,7 @@ def write_glb(
 
     if deviation_mm is not None:
         colours = np.column_stack([colours, np.nan_to_num(deviation_mm, nan=NOT_COUNTED)])
-    mesh, colours = lighter(mesh, colours)
+    mesh, colours = light.mesh, light.values(colours)
     extra = {} if deviation_mm is None else {"_DEVIATION_MM": colours[:, 3].astype(np.float32)}
     colours = colours[:, :3]
     painted = np.column_stack([np.rint(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)

@@ -73,7 +73,6 @@ def observe(
     eigenvalues, vectors = np.linalg.eigh(hessian)
     # nothing is known better than a fiftieth of what is asked for: not even a copy without noise
     variance = max(float((w * residual**2).sum()), (limit_mm / LEAST_NOISE) ** 2) / effective_count(points, residual, w)
-    start = cost_mm2(np.eye(4))
 
     def noticed(vector: FloatArray) -> float:
         """How fast the cost rises along a unit vector of the six, in units of its square."""
@@ -81,19 +80,18 @@ def observe(
         if linear > WEAK:
             return linear
         for step_mm in (limit_mm, WIDE * limit_mm):
-            rises = [lowest(vector, side * step_mm) - start for side in (1.0, -1.0)]
-            linear = min(linear, max(0.0, sum(rises) / 2) / step_mm**2)
+            at_rest, *moved = (lowest(vector, side * step_mm, ASIDE * step_mm) for side in (0.0, 1.0, -1.0))
+            linear = min(linear, max(0.0, sum(moved) / 2 - at_rest) / step_mm**2)
         return linear
 
     def after(motion_mm: FloatArray) -> float:
         return cost_mm2(about(centre, np.concatenate([motion_mm[:3] / radius, motion_mm[3:]])))
 
-    def lowest(vector: FloatArray, step_mm: float) -> float:
+    def lowest(vector: FloatArray, step_mm: float, aside_mm: float) -> float:
         """The cost after so much of the motion, the others let go: facets mix a little of them into it, which over a wide
         step is more than the part itself resists.
         """
         made, cost = step_mm * vector, after(step_mm * vector)
-        aside_mm = ASIDE * abs(step_mm)
         for other in vectors.T:
             if abs(float(other @ vector)) > 0.5:
                 continue

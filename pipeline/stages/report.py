@@ -49,22 +49,23 @@ def write_vertices(
     """One row a vertex of `mesh`, the cleaned one, in its own frame; values from the nearest surface point of the
     working mesh. Where no landmarks were looked for (`t2` and `landmark_vertices` None), t2 and landmark are 0.
     """
-    working = working_of_clean
     t2 = np.zeros(len(segmentation.labels)) if t2 is None else t2
-    marked = np.zeros(len(working), dtype=np.int64)
+    marked = np.zeros(len(working_of_clean), dtype=np.int64)
     if landmark_vertices is not None:
         marked[landmark_vertices] = 1
-    columns: list[Sequence[object]] = [
-        range(len(working)),
-        *(mesh.vertices[:, k].tolist() for k in range(3)),
-        segmentation.labels[working].tolist(),
-        segmentation.halo[working].astype(int).tolist(),
-        segmentation.rho[working].tolist(),
-        segmentation.delta[working].tolist(),
-        t2[working].tolist(),
-        marked.tolist(),
+    # Numbers as `csv` writes them, but each vertex of the working mesh once: a scan has a hundred for each of those.
+    columns = (segmentation.labels, segmentation.halo.astype(int), segmentation.rho, segmentation.delta, t2)
+    found = [
+        f"{segment},{halo},{rho!r},{delta!r},{t!r}"
+        for segment, halo, rho, delta, t in zip(*(column.tolist() for column in columns), strict=True)
     ]
-    _write_csv(path, VERTEX_COLUMNS, zip(*columns, strict=True))
+    rows = zip(mesh.vertices.tolist(), working_of_clean.tolist(), marked.tolist(), strict=True)
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        stream.write(",".join(VERTEX_COLUMNS) + "\n")
+        stream.writelines(
+            f"{vertex},{x!r},{y!r},{z!r},{found[working]},{mark}\n"
+            for vertex, ((x, y, z), working, mark) in enumerate(rows)
+        )
 
 
 def write_landmarks(path: Path, landmarks: Mapping[str, Sequence[Landmark]], matches: Sequence[Match] = ()) -> None:

@@ -16,7 +16,7 @@ from pipeline.colour_scale import ColourScale
 from pipeline.mesh import Mesh
 from pipeline.outcome import MadeBy, Note, RegistrationResult
 from pipeline.report_page import legend, views_of
-from pipeline.viewing import MAX_FACES, write_glb
+from pipeline.viewing import MAX_FACES, Light, write_glb
 from tests.service.meshes import blob_stl
 from tests.shapes import icosphere
 
@@ -134,7 +134,7 @@ def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
     ball = icosphere(10.0, 7)
     assert len(ball.faces) > MAX_FACES
     height = (ball.vertices[:, 2] + 10) / 20
-    write_glb(tmp_path / "a.glb", ball, np.column_stack([height, height, height]))
+    write_glb(tmp_path / "a.glb", Light(ball), np.column_stack([height, height, height]))
     seen = trimesh.load(tmp_path / "a.glb", process=False).geometry["surface"]
     assert 10_000 < len(seen.faces) <= MAX_FACES
     assert np.linalg.norm(seen.vertices, axis=1) * 1000 == pytest.approx(10, abs=0.05)
@@ -144,7 +144,7 @@ def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
 
 def test_a_cloud_has_its_colours_too(tmp_path: Path) -> None:
     cloud = Mesh(icosphere(5.0, 2).vertices, np.zeros((0, 3), dtype=np.int32))
-    write_glb(tmp_path / "a.glb", cloud, np.tile([1.0, 0, 0], (len(cloud.vertices), 1)))
+    write_glb(tmp_path / "a.glb", Light(cloud), np.tile([1.0, 0, 0], (len(cloud.vertices), 1)))
     seen = trimesh.load(tmp_path / "a.glb").geometry["surface"]
     assert len(seen.vertices) == len(cloud.vertices) and (seen.colors[:, :3] == [255, 0, 0]).all()
 

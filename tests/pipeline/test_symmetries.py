@@ -15,6 +15,23 @@ from tests.pipeline.test_verdict import cross
 QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
 
 
+def test_a_small_motion_is_no_symmetry() -> None:
+    """A pose 1.5 % of the diagonal beside the best is its rival, though an ICP of the design would slide back."""
+    found = images(cross(4))
+    beside = np.eye(4)
+    beside[0, 3] = 0.015 * found._diagonal
+    assert not found.contains(beside) and not found.contains(np.eye(4))
+
+
+def test_near_images_of_a_gear_are_its_other_teeth() -> None:
+    """36 teeth, one with a key: 35 turns, and 36 turned over, leave next to nothing; none is a symmetry."""
+    found = images(shapes.gear(36))
+    assert found.others == ()
+    angles = {round(rigid.angle_deg(T)) for T in found.near if abs(T[2, 2] - 1) < 0.01}
+    assert {10 * k for k in range(1, 19)} <= angles
+    assert sum(abs(T[2, 2] + 1) < 0.01 for T in found.near) >= 30
+
+
 def images(mesh: Mesh) -> SelfImages:
     return design_of(mesh, QUICK).images
 
