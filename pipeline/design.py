@@ -61,6 +61,10 @@ class Design:
         return Scales.of(self.analysis.mesh, self._settings)
 
     @cached_property
+    def light(self) -> viewing.Light:
+        return viewing.Light(self.analysis.mesh)
+
+    @cached_property
     def surface(self) -> Surface:
         return Surface(self.analysis.mesh)
 
@@ -77,9 +81,7 @@ class Design:
         if not self.kept.files:
             names = [*write_analysis(out, "design", self.analysis, self._settings), "design.glb"]
             marks = self.analysis.mesh.vertices[self.analysis.landmark_vertices]
-            viewing.write_glb(
-                out / "design.glb", viewing.Light(self.analysis.mesh), self.analysis.segment_colours(), marks
-            )
+            viewing.write_glb(out / "design.glb", self.light, self.analysis.segment_colours(), marks)
             self.kept = replace(self.kept, files={name: (out / name).read_bytes() for name in names})
         for name, content in self.kept.files.items():
             (out / name).write_bytes(content)

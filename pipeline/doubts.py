@@ -11,12 +11,13 @@ from pipeline.analysis import Analysis, analyse
 from pipeline.design import Design, described
 from pipeline.errors import PipelineError
 from pipeline.kernels import rigid
-from pipeline.margin import LOOSE
+from pipeline.margin import LOOSE, LOOSE_MARGIN
 from pipeline.mesh import FloatArray, Mesh
-from pipeline.pose_search import APART_SHARE, Pose, Scan, search
+from pipeline.pose_search import TRIAL_POINTS, Pose, Scan, ScanPoints, search
 from pipeline.settings import RegistrationSettings, Settings
 from pipeline.stages.matching import Matching, Side, match, with_matches
 from pipeline.stages.registration import Registration, fit, register
+from pipeline.symmetries import RMS_SHARE
 from pipeline.watch import silent
 
 #: The scan's numbers times this are mm, when they were taken for mm; each with what a person calls the mix-up.
@@ -50,11 +51,10 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One scan on its design: the scan (in mm, after `unit_factor`), as matching sees it, its matching and registration"""
+    """One scan on its design: the scan (in mm, after `unit_factor`), as matching sees it, and its registration"""
 
     scan: Analysis
     side: Side
-    matching: Matching
     registration: Registration
 
 
@@ -81,23 +81,14 @@ def matched(scan: Analysis, design: Design, asked: Asked) -> tuple[Side, Matchin
 
 
 def registered(scan: Analysis, side: Side, matching: Matching, design: Design, asked: Asked) -> Found:
+    length_mm = design.scales.matching_mm(asked.settings)
+
+    def matched_under(T_design_scan: FloatArray) -> Matching:
+        return with_matches(design.side, side, matching.hypotheses, T_design_scan, length_mm)
+
     settings, certain_mm = asked.settings.registration, asked.certain_mm(design)
-    registration = register(scan.mesh, design.surface, matching, settings, asked.seed, certain_mm)
-    best, first = registration.best.T_design_scan, matching.hypotheses[0].T_design_scan
-    if rigid.rms_displacement(best, first, scan.mesh.vertices) > APART_SHARE * design.diagonal_mm:
-        # another hypothesis won: what matched under the first is no match of this pose
-        length_mm = design.scales.matching_mm(asked.settings)
-        matching = with_matches(design.side, side, matching.hypotheses, best, length_mm)
-        registration = replace(
-            registration, rmse_landmarks_mm=_rmse_landmarks_mm(scan.mesh, matching, design, registration)
-        )
-    return Found(scan, side, matching, registration)
-
-
-def _rmse_landmarks_mm(scan: Mesh, matching: Matching, design: Design, registration: Registration) -> float | None:
-    if matching.T_landmarks is None:
-        return None
-    return fit(scan, scan.weights(), design.surface, matching.T_landmarks, registration.inlier_distance_mm).rmse_mm
+    registration = register(scan.mesh, design.surface, matching, matched_under, settings, asked.seed, certain_mm)
+    return Found(scan, side, registration)
 
 
 def examined(found: Found, design: Design, asked: Asked) -> tuple[Found, Doubts]:
@@ -158,43 +149,52 @@ def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found
     A design that is its own image but for a small mark is tried in each of its poses: the mark tells.
     """
     images, diagonal = design.images, design.diagonal_mm
-    if not images.others:
+    if not (images.others or images.near):
         return found, _symmetric(found, design)
-    every = Scan(found.scan.mesh, asked.settings.registration, asked.seed).every
+    best, inlier = found.registration.best, found.registration.inlier_distance_mm
+    settings = asked.settings.registration
+    few = ScanPoints.of(found.scan.mesh, TRIAL_POINTS, asked.seed)
+    elsewhere = [image @ best.T_design_scan for image in (*images.others, *images.near)]
+    closest = min(elsewhere, key=lambda T: few.left(T, design.surface, inlier).cost_mm2)
+    every = ScanPoints.of(found.scan.mesh, settings.sample_points, asked.seed)
 
-    def placed(found: Found, T: FloatArray) -> Pose:
-        left = every.left(T, design.surface, found.registration.inlier_distance_mm)
-        best = found.registration.best
+    def placed(T: FloatArray) -> Pose:
+        left = every.left(T, design.surface, inlier)
         return replace(best, T_design_scan=T, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, score_mm2=left.cost_mm2)
 
-    best = found.registration.best
-    closest = min(
-        (placed(found, image @ best.T_design_scan) for image in images.others), key=lambda pose: pose.cost_mm2
-    )
-    if closest.cost_mm2 < MARK_TELLS * best.cost_mm2 - (MARK_SHARE * diagonal) ** 2:
+    if placed(closest).cost_mm2 < MARK_TELLS * best.cost_mm2 - (MARK_SHARE * diagonal) ** 2:
         found = _begun_at(closest, found, design, asked)
         best = found.registration.best
     symmetric, rivals = _symmetric(found, design), found.registration.rivals
     back = rigid.inverse(best.T_design_scan)
     relative = [rival.T_design_scan @ back for rival in rivals]
     missing = [image for image in images.others if not any(images.same(image, T) for T in relative)]
-    added = tuple(placed(found, image @ best.T_design_scan) for image in missing)
+    added = tuple(pose for image in missing if _is_as_right(pose := placed(image @ best.T_design_scan), best, design))
     registration = replace(found.registration, rivals=(*rivals, *added))
     return replace(found, registration=registration), (*symmetric, *(True for _ in added))
 
 
 def _symmetric(found: Found, design: Design) -> tuple[bool, ...]:
-    back = rigid.inverse(found.registration.best.T_design_scan)
-    return tuple(design.images.contains(rival.T_design_scan @ back) for rival in found.registration.rivals)
+    best = found.registration.best
+    back = rigid.inverse(best.T_design_scan)
+    return tuple(
+        _is_as_right(rival, best, design) and design.images.contains(rival.T_design_scan @ back)
+        for rival in found.registration.rivals
+    )
 
 
-def _begun_at(pose: Pose, found: Found, design: Design, asked: Asked) -> Found:
-    """Registered anew from `pose`, which lies better than the best so far."""
-    first = replace(found.matching.hypotheses[0], T_design_scan=pose.T_design_scan)
-    hypotheses = (first, *found.matching.hypotheses)
+def _is_as_right(pose: Pose, best: Pose, design: Design) -> bool:
+    """Not so where the scan itself tells an image of the pose from it, by a mark that the symmetry passes over."""
+    return pose.cost_mm2 <= LOOSE_MARGIN * best.cost_mm2 + (RMS_SHARE * design.diagonal_mm) ** 2
+
+
+def _begun_at(T_design_scan: FloatArray, found: Found, design: Design, asked: Asked) -> Found:
+    """Registered anew from a pose that lies better than the best so far."""
+    matching, best = found.registration.matching, found.registration.best
+    first = replace(matching.hypotheses[0], T_design_scan=T_design_scan, facing=best.facing)
     length_mm = design.scales.matching_mm(asked.settings)
-    matching = with_matches(design.side, found.side, hypotheses, pose.T_design_scan, length_mm)
-    return registered(found.scan, found.side, matching, design, asked)
+    again = with_matches(design.side, found.side, (first, *matching.hypotheses), T_design_scan, length_mm)
+    return registered(found.scan, found.side, again, design, asked)
 
 
 def _match(design: Design, scan: Side, asked: Asked) -> Matching:

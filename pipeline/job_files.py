@@ -59,7 +59,7 @@ def write_registration_page(
     aligned = None if result.transform is None else shown.full
     views = Views(
         placed=_placed(result, design, shown, measured),
-        parts=_parts(design.analysis, scan, shown, is_aligned=aligned is not None),
+        parts=_parts(design, scan, shown, is_aligned=aligned is not None),
         sizes=_sizes(result, design.analysis.mesh, aligned, scan.mesh),
     )
     more = _write_page(out, report_page.registration(result, views, out), settings)
@@ -121,10 +121,10 @@ def _scale(measured: Deviations) -> ColourScale:
     return ColourScale.of(measured.signed_mm, measured.counted, tolerance_mm)
 
 
-def _parts(design: Analysis, scan: Analysis, shown: Light, *, is_aligned: bool) -> Pictures:
+def _parts(design: Design, scan: Analysis, shown: Light, *, is_aligned: bool) -> Pictures:
     """Segments of both beside each other; with a pose from the same sides, however the scan was uploaded."""
-    of_design = _segments("design", design, Light(design.mesh), design.mesh, count=2)
-    of_scan = _segments("scan", scan, shown, design.mesh if is_aligned else shown.full, count=2)
+    of_design = _segments("design", design.analysis, design.light, design.analysis.mesh, count=2)
+    of_scan = _segments("scan", scan, shown, design.analysis.mesh if is_aligned else shown.full, count=2)
     beside = [each for side in zip(of_design, of_scan, strict=True) for each in side]
     note = f"{SEGMENTS_NOTE} Each mesh is numbered and coloured by itself."
     return Pictures("Segments and landmarks", "segments of the", beside, note)

@@ -8,6 +8,15 @@ LOOSE_MARGIN = (
 )
 
 
+NOTHING_SHARE = 1e-5  # of the diagonal: what two poses leave below this is rounding, and tells neither
+
+
+def ratio(score_mm2: float, best_mm2: float, diagonal_mm: float) -> float:
+    """How many times the best a score is, where both leave more than nothing."""
+    nothing = (NOTHING_SHARE * diagonal_mm) ** 2
+    return (score_mm2 + nothing) / (best_mm2 + nothing)
+
+
 def is_loose(truncated_rms_mm: float, diagonal_mm: float, settings: RegistrationSettings) -> bool:
     """The scan lies farther off the design than a good scanner and printer leave."""
     return truncated_rms_mm > LOOSE * settings.max_residual_share * diagonal_mm

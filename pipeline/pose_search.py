@@ -23,9 +23,9 @@ RIVAL_COST = 3.0  # a hypothesis above this many times the lowest cost is not tr
 TRIAL_POINTS = 2_000
 TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
 HOPELESS = 1.3  # times the residual limit after the trials: not this part
-CLOSE_RIVALS = 4
+CLOSE_RIVALS = 6  # so many are refined on all points beside the best; of a plane there is no end
 CLOSE = 1.1  # times the margin that is asked for: a rival that scores less is refined on all points too
-APART_SHARE = 0.01  # of the diagonal: poses nearer than this are one pose, one of them as right as the other
+APART_SHARE = 0.01  # of the diagonal: poses nearer than this count as one
 TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
 COVERAGE_POINTS = 10_000
 VIEWED_POINTS = 500
@@ -35,7 +35,8 @@ ALIKE = 0.03  # shares of the scan or the design that differ by less between two
 @dataclass(frozen=True, slots=True)
 class Pose:
     """T_design_scan; cost_mm2, rmse_mm : as in `Left`; hidden_share, coverage : of the scan, what the design hides; of the
-    design, what the scan shows; score_mm2 : cost and what these two add, beside the other poses
+    design, what the scan shows; score_mm2 : cost and what these two add, beside the other poses; facing : -1 when the
+    scan's normals point inwards under it
     """
 
     T_design_scan: FloatArray
@@ -46,6 +47,7 @@ class Pose:
     hidden_share: float = 0.0
     coverage: float = 1.0
     score_mm2: float = 0.0
+    facing: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,14 +159,14 @@ def search(
         )
         T = done.T_target_source
         left = points.left(T, design, inlier)
-        return Pose(T, left.cost_mm2, left.rmse_mm, done.converged, done.iterations)
+        return Pose(T, left.cost_mm2, left.rmse_mm, done.converged, done.iterations, facing=facing)
 
     def trial(seed: Seed) -> Pose:
         return refined(seed.T_design_scan, seed.facing, scan.few, min(settings.max_iterations, TRIAL_ITERATIONS))
 
-    def examined(pose: Pose, facing: float) -> Pose:
+    def examined(pose: Pose) -> Pose:
         """On all points what it leaves, and what else speaks for it or against."""
-        T, views = pose.T_design_scan, scan.views(facing)
+        T, facing, views = pose.T_design_scan, pose.facing, scan.views(pose.facing)
         left = scan.every.left(T, design, inlier)
         hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
         coverage = scan.coverage(T, facing, design, inlier)
@@ -173,39 +175,35 @@ def search(
     seeds = _seeds(matching, scan.few, design, inlier)
     # sorted() is stable: of equally good ones the earlier hypothesis comes first
     tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
-    tried = _apart(tried, scan.few.points, APART_SHARE * diagonal)
+    kept = _apart([pose for pose, _ in tried], scan.few.points, APART_SHARE * diagonal)
+    tried = [(pose, seed) for pose, seed in tried if any(pose is each for each in kept)]
     hopeless = tried[0][0].cost_mm2 > (HOPELESS * settings.max_residual_share * diagonal) ** 2
-    facings = [seed.facing for _, seed in tried]
     sources = [seed.source for _, seed in tried]
-    poses = scored(
-        [examined(pose, facing) for pose, facing in zip((pose for pose, _ in tried), facings, strict=True)], inlier
-    )
+    poses = scored([examined(pose) for pose, _ in tried], inlier)
     finished: set[int] = set()
-    left = CLOSE_RIVALS
-    while (
-        thorough and not hopeless
-    ):  # refined on all points, the order may turn: until the best is finished, and those near it
+    # Refined on all points, the order may turn: until the best is finished, and those that come near it.
+    while thorough and not hopeless:
         number, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
+        best = poses[number]
         if number in finished:
-            enough = (
-                CLOSE * margin.needed(np.sqrt(poses[number].cost_mm2), diagonal, settings) * poses[number].score_mm2
-            )
-            close = [other for other in others if poses[other].score_mm2 < enough and other not in finished]
-            if not close or not left:
+            # a little more than the verdict may find it to leave, which looks at every vertex
+            needed = CLOSE * margin.needed(CLOSE * float(np.sqrt(best.cost_mm2)), diagonal, settings)
+            close = [
+                other
+                for other in others
+                if other not in finished and margin.ratio(poses[other].score_mm2, best.score_mm2, diagonal) < needed
+            ]
+            if not close or len(finished) > CLOSE_RIVALS:
                 break
-            number, left = close[0], left - 1
-        pose = refined(poses[number].T_design_scan, facings[number], scan.every, settings.max_iterations)
+            number = close[0]
+        again = poses[number]
         finished.add(number)
-        poses[number] = examined(pose, facings[number])
+        poses[number] = examined(refined(again.T_design_scan, again.facing, scan.every, settings.max_iterations))
         poses = scored(poses, inlier)
-    best, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
-
-    def apart(number: int) -> bool:
-        """Refined on all points, a rival may have come to the best."""
-        moved = rigid.rms_displacement(poses[number].T_design_scan, poses[best].T_design_scan, scan.few.points)
-        return moved > APART_SHARE * diagonal
-
-    return Searched(poses[best], tuple(poses[number] for number in others if apart(number)), sources[best])
+    order = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
+    # refined on all points, some may have come to be one
+    best, *rivals = _apart([poses[number] for number in order], scan.few.points, APART_SHARE * diagonal)
+    return Searched(best, tuple(rivals), sources[order[0]])
 
 
 def scored(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
@@ -221,12 +219,12 @@ def scored(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
     return [replace(pose, score_mm2=score_mm2(pose)) for pose in poses]
 
 
-def _apart(tried: list[tuple[Pose, Seed]], points: FloatArray, apart_mm: float) -> list[tuple[Pose, Seed]]:
+def _apart(poses: list[Pose], points: FloatArray, apart_mm: float) -> list[Pose]:
     """Of poses that came to be one, the first."""
-    kept: list[tuple[Pose, Seed]] = []
-    for pose, seed in tried:
-        if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each, _ in kept):
-            kept.append((pose, seed))
+    kept: list[Pose] = []
+    for pose in poses:
+        if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each in kept):
+            kept.append(pose)
     return kept
 
 

@@ -67,9 +67,9 @@ def run_registration(
     with watch.stage(Stage.REGISTRATION):
         found = doubts.registered(scan, side, matching, known, asked)
         found, doubted = doubts.examined(found, known, asked)
-        scan, matching, registration = found.scan, found.matching, found.registration
+        scan, registration = found.scan, found.registration
         marked = len(scan.landmarks.vertex)
-        case = Case(registration, matching, doubted, marked, known.diagonal_mm, asked.certain_mm(known))
+        case = Case(registration, registration.matching, doubted, marked, known.diagonal_mm, asked.certain_mm(known))
         verdict = judge(case, settings.registration)
     posed = verdict.status in POSED
     with watch.stage(Stage.DEVIATION):
@@ -94,7 +94,9 @@ def run_registration(
     landmarks = Landmarks(
         design=landmark_records(design),
         scan=landmark_records(scan),
-        matches=records.matches(matching, design.landmarks, scan.landmarks, T_design_scan) if posed else [],
+        matches=records.matches(registration.matching, design.landmarks, scan.landmarks, T_design_scan)
+        if posed
+        else [],
     )
     shown = Light(scan.mesh.moved(T_design_scan) if posed else scan.mesh)
     files: list[str] = []

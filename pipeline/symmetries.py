@@ -59,23 +59,26 @@ class SelfImages:
         for cost_mm2, T in nearly:
             if cost_mm2 <= (NEAR_SHARE * images._diagonal) ** 2:
                 images._add(T)
-        alike = (ALIKE_SHARE * images._diagonal) ** 2
-        images.near = images._closed([T for cost_mm2, T in nearly if cost_mm2 <= alike], alike)
         number = 0
         while number < len(images.others) < LARGEST_GROUP:
             for first in images.others[: number + 1]:
                 images._add(images.others[number] @ first)
                 images._add(first @ images.others[number])
             number += 1
+        alike = (ALIKE_SHARE * images._diagonal) ** 2
+        images.near = images._closed([T for cost_mm2, T in nearly if cost_mm2 <= alike], alike)
         return images
 
     def contains(self, T: FloatArray) -> bool:
         """Whether T (4, 4), as two poses of a noisy scan tell it, is one of them: known, or shown by the surface itself.
 
-        A small motion is none: a pose next to another is its rival.
+        A small motion is none unless the surface holds it there: a pose next to another is its rival.
         """
         if self.same(T, np.eye(4)):
-            return False
+            found, points = self.refined(T), self._samples.points
+            if found is None:
+                return False
+            return rigid.rms_displacement(found, T, points) < 0.5 * rigid.rms_displacement(T, np.eye(4), points)
         return any(self.same(T, each) for each in self.others) or self.refined(T) is not None
 
     def refined(self, T: FloatArray) -> FloatArray | None:
@@ -124,22 +127,24 @@ class SelfImages:
         return icp.Target(cKDTree(self._samples.points), self._samples.points, self._samples.normals)
 
     def _closed(self, found: list[FloatArray], alike_mm2: float) -> tuple[FloatArray, ...]:
-        """`found` and their products that leave no more than `alike_mm2`, without the identity."""
-        known = np.array([np.eye(4)])
-        new = np.array(found).reshape(-1, 4, 4)
-        generators: FloatArray | None = None
-        while len(new) and len(known) <= MOST_NEAR:
+        """`found` and their products that leave no more than `alike_mm2`; the identity and `others` are none of them."""
+        known = np.array([np.eye(4), *self.others])
+        exact, box, apart_mm = len(known), corners(self._surface.mesh), NEXT_SHARE * self._diagonal
+
+        def distinct(new: FloatArray) -> FloatArray:
             both = np.concatenate([known, new])
-            order, apart_mm = np.arange(len(both)), NEXT_SHARE * self._diagonal
-            kept = poses.distinct(both, order, corners(self._surface.mesh), apart_mm, MOST_NEAR + 1)
-            new = both[kept[kept >= len(known)]]
-            if generators is not None and len(new):
-                new, cost = self._briefly(new)
-                new = new[cost <= alike_mm2]
+            kept = poses.distinct(both, np.arange(len(both)), box, apart_mm, exact + MOST_NEAR)
+            return both[kept[kept >= len(known)]]
+
+        new = distinct(np.array(found).reshape(-1, 4, 4))
+        generators = new[:GENERATORS]
+        while len(new):
             known = np.concatenate([known, new])
-            generators = new[:GENERATORS] if generators is None else generators
-            new = np.concatenate([new @ generator for generator in generators]) if len(new) else new
-        return tuple(rigid.orthonormal(T) for T in known[1:])
+            new = distinct(np.concatenate([new @ generator for generator in generators]))
+            if len(new):
+                new, cost = self._briefly(new)
+                new = distinct(new[cost <= alike_mm2])
+        return tuple(rigid.orthonormal(T) for T in known[exact:])
 
     def _add(self, T: FloatArray) -> None:
         if len(self.others) >= LARGEST_GROUP or any(self.same(T, each) for each in (np.eye(4), *self.others)):
@@ -156,7 +161,7 @@ class SelfImages:
 def _turns(points: FloatArray) -> FloatArray:
     """(k, 4, 4) about the centroid of `points`: n-fold turns about principal axes, half turns about axes between equal ones."""
     centre = points.mean(axis=0)
-    variance, axes = np.linalg.eigh(np.cov(points.T))
+    variance, axes = np.linalg.eigh(np.einsum("ki,kj->ij", points - centre, points - centre) / len(points))
     turns = [2 * np.pi / n * axes[:, k] for k in range(3) for n in range(2, LARGEST_FOLD + 1)]
     for i, j in ((0, 1), (1, 2), (0, 2)):
         if variance[j] - variance[i] <= EQUAL_AXES * variance[2]:

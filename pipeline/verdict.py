@@ -15,7 +15,7 @@ from pipeline.settings import RegistrationSettings
 from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
 
-RIVAL_NOTE = 2.0  # a second pose with a cost below this many times the best is worth a finding
+RIVAL_NOTE = 2.0  # a second pose with a score below this many times the best is worth a finding
 WEAK_EIGENVALUE = 1e-3
 MIRROR_BETTER = 0.9  # of the residual: a reflection that leaves less is told, and not `ok`
 TIE = 1.05  # times the best score: nothing tells such poses apart
@@ -48,8 +48,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     no_match : too little of the scan lies on the design (`min_fitness`), or too far off it (`max_residual_share`);
     under_constrained : a motion of the scan is less certain than the tolerance, or `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best; less than
-    `margin.LOOSE_MARGIN` times where the best itself fits loosely.
-
+    `margin.LOOSE_MARGIN` times where the best itself fits loosely;
     or the reflected scan fits better (`MIRROR_BETTER`), though not by so much that it must be the mirror image.
 
     confidence : the probability that the pose is right, up to symmetries and free motions, by `evidence` and `CONFIDENCE`;
@@ -75,8 +74,8 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         findings += [*_looseness(case, settings), *_handedness(case, status)]
     findings += [*_free(case), *_rivals(case), *_weakness(case)]
     confidence = probability(CONFIDENCE, evidence(case, settings)) if status in POSED else 0.0
-    equals = sum(score <= TIE * case.registration.best.score_mm2 for score in _others(case))
-    confidence = min(confidence, 1.0 / (1 + equals))
+    equals = 0 if status == "under_constrained" else sum(ratio <= TIE for ratio in _others(case))
+    confidence = min(confidence, 1.0 / (1 + equals + _mirror_fits_better(case)))
     return Verdict(status=status, confidence=confidence, findings=findings)
 
 
@@ -87,8 +86,8 @@ def evidence(case: Case, settings: RegistrationSettings) -> FloatArray:
     fitness; log10 of the design's coverage, at least -3; share of the scan's landmarks that are matched.
     """
     registration = case.registration
-    others, best = _others(case), registration.best.score_mm2
-    ahead = float(np.log(max(others[0], 1e-300) / max(best, 1e-300))) if others else MOST_MARGIN
+    others = _others(case)
+    ahead = float(np.log(others[0])) if others else MOST_MARGIN
     limit_mm = settings.max_residual_share * case.diagonal_mm
     return np.array(
         [
@@ -198,10 +197,10 @@ def _rivals(case: Case) -> list[Finding]:
             f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
         )
         findings.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
-    best, others = case.registration.best.score_mm2, _others(case)
-    if others and others[0] < RIVAL_NOTE * best:
+    others = _others(case)
+    if others and others[0] < RIVAL_NOTE:
         detail = "another pose, no symmetry of the design, fits almost as well; see alternatives"
-        findings.append(Finding(code="rival_pose", detail=detail, value=others[0] / best if best > 0 else None))
+        findings.append(Finding(code="rival_pose", detail=detail, value=others[0]))
     return findings
 
 
@@ -223,13 +222,12 @@ def _weakness(case: Case) -> list[Finding]:
 
 
 def _others(case: Case) -> list[float]:
-    """Scores of the poses that are no symmetry of the design, lowest first."""
-    rivals = zip(case.registration.rivals, case.doubts.symmetric, strict=True)
-    return sorted(rival.score_mm2 for rival, symmetric in rivals if not symmetric)
+    """How many times the best the poses score that are no symmetry of the design, lowest first."""
+    rivals, best = zip(case.registration.rivals, case.doubts.symmetric, strict=True), case.registration.best.score_mm2
+    return sorted(margin.ratio(rival.score_mm2, best, case.diagonal_mm) for rival, symmetric in rivals if not symmetric)
 
 
 def _has_rival(case: Case, settings: RegistrationSettings) -> bool:
-    """A pose that is no symmetry scores less than the margin times the best, or as well where both leave nothing."""
+    """A pose that is no symmetry scores less than the margin times the best."""
     needed = margin.needed(case.registration.fit.truncated_rms_mm, case.diagonal_mm, settings)
-    others, best = _others(case), case.registration.best.score_mm2
-    return bool(others) and (others[0] <= best or others[0] < needed * best)
+    return any(ratio < needed for ratio in _others(case))

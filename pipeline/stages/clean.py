@@ -157,12 +157,22 @@ def _oriented(
 
 
 def _inside_out_faces(mesh: Mesh, edges: _EdgesOf) -> BoolArray:
-    """(m,) all faces of a closed mesh whose signed volume is negative, else none.
+    """(m,) all faces of a closed mesh that is inside out, else none: an open surface has no volume.
 
-    An inner shell of a hollow part rightly points inwards, but takes less than the outer one holds; an open surface has no
-    volume.
+    An inner shell of a hollow part rightly points inwards, and holds less than the outer one. So a mesh is inside out when
+    its volume is negative, unless a piece that is not lies beside the negative ones: then nothing is certain.
     """
-    closed = bool((edges.of(mesh.faces).count == 2).all())
+    no_faces = np.zeros(len(mesh.faces), dtype=np.bool_)
+    if not (edges.of(mesh.faces).count == 2).all():
+        return no_faces
+    piece = topology.vertex_components(mesh.faces, len(mesh.vertices))
     a, b, c = (mesh.vertices[mesh.faces[:, k]] - mesh.vertices[0] for k in range(3))
-    negative = float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0
-    return np.full(len(mesh.faces), closed and negative, dtype=np.bool_)
+    volume = np.bincount(piece[mesh.faces[:, 0]], weights=np.einsum("ij,ij->i", a, np.cross(b, c)))
+    if volume.sum() >= 0:
+        return no_faces
+    low, high = np.full((len(volume), 3), np.inf), np.full((len(volume), 3), -np.inf)
+    np.minimum.at(low, piece, mesh.vertices)
+    np.maximum.at(high, piece, mesh.vertices)
+    outer = np.flatnonzero(volume < 0)
+    inner = [(low[outer] <= low[k]) & (high[outer] >= high[k]) for k in np.flatnonzero(volume > 0)]
+    return no_faces | all(inside.all(axis=1).any() for inside in inner)

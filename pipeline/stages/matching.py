@@ -21,8 +21,8 @@ DESIGN_SAMPLES = 20_000
 DENSE_POINTS = 160
 COARSE_POINTS = 150
 MAX_RANKED = 3000  # of the cheaply judged poses, so many are looked at for distinct ones
-KEEP_APART_SHARE = 0.04  # of the diagonal: nearer poses are one hypothesis, but for those about the best:
-NUDGES = (0.015, 0.03, 0.06)  # a tooth or a hole further: from so far, of the diagonal, an ICP ends in the next one
+KEEP_APART_SHARE = 0.04  # of the diagonal: nearer poses are one hypothesis, other than about the best
+NUDGES = (0.015, 0.03, 0.06)  # of the diagonal: from so far an ICP ends in the next tooth or hole
 NEXT_SHARE = 0.01  # of the diagonal: the next tooth is at least so far off
 STEPS, STEPS_ON = 4, 40  # so many of the steps to a next tooth are walked on, so often to either side
 COARSE_SHARE = 0.05  # of the diagonal: truncation while poses are still rough
@@ -144,11 +144,16 @@ def match(
             return pool.take(np.zeros(0, dtype=np.int64))
         T = np.array(moves) @ pool.T[0]
         on = Pool(T, np.full(len(T), pool.facing[0]), np.full(len(T), pool.source[0]), np.zeros(len(T)))
-        on = on.take(np.argsort(judged(on, slice(None)), kind="stable")[: 8 * FINALISTS])
+        seen = pool.and_then(around)
+        on = others(replace(on, cost=judged(on, slice(None))), seen)
+        on = on.take(np.arange(min(len(on.T), 8 * FINALISTS)))
         for points, iterations, most in ((few, 6, 8), (slice(None), 1, 1), (slice(None), 10, 1)):
+            if len(on.T) == 0:
+                break
             on, cost = refined(on, points, FINE_SHARE, iterations)
-            on = replace(on, cost=cost).take(np.argsort(cost, kind="stable")[: most * FINALISTS])
-        return others(on, pool.and_then(around))
+            on = others(replace(on, cost=cost), seen)
+            on = on.take(np.arange(min(len(on.T), most * FINALISTS)))
+        return on
 
     def others(new: Pool, known: Pool) -> Pool:
         """Those of `new` that are none of `known`, each once, the best first."""

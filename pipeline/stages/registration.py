@@ -1,5 +1,6 @@
 """From seeds to the final pose: ICP on the exact design surface, and what the result is worth in numbers."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,14 +48,15 @@ class Registration:
     """best : the final pose; rivals : other distinct poses, by score, those near the best refined to the end; fit : under
     the best.
 
-    rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie on the design;
-    scan_surface : of the cleaned scan in its own frame, None of points
+    matching : of the landmarks under the best; rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie
+    on the design; scan_surface : of the cleaned scan in its own frame, None of points
     """
 
     best: Pose
     rivals: tuple[Pose, ...]
     fit: Fit
     seed: str
+    matching: Matching
     inlier_distance_mm: float
     rmse_initial_mm: float
     rmse_landmarks_mm: float | None
@@ -66,11 +68,17 @@ class Registration:
 
 
 def register(
-    scan: Mesh, design: Surface, matching: Matching, settings: RegistrationSettings, seed: int, limit_mm: float
+    scan: Mesh,
+    design: Surface,
+    matching: Matching,
+    matched_under: Callable[[FloatArray], Matching],
+    settings: RegistrationSettings,
+    seed: int,
+    limit_mm: float,
 ) -> Registration:
     """The best pose by `pose_search.search`, its rivals, and what it is worth.
 
-    limit_mm : a motion less certain than this is free.
+    matched_under : the landmarks that match under a pose; limit_mm : a motion less certain than this is free.
     """
     inlier = settings.inlier_share * design.mesh.diagonal_mm
     asked, weights = Scan(scan, settings, seed), scan.weights()
@@ -78,12 +86,14 @@ def register(
     best = found.best
     complete = _complete(asked.few, design, settings)
     final = fit(scan, weights, design, best.T_design_scan, inlier)
+    matching = matched_under(best.T_design_scan)
     T_landmarks = matching.T_landmarks
     return Registration(
         best=best,
         rivals=found.rivals,
         fit=final,
         seed=found.seed,
+        matching=matching,
         inlier_distance_mm=inlier,
         rmse_initial_mm=fit(scan, weights, design, np.eye(4), inlier).rmse_mm,
         rmse_landmarks_mm=None if T_landmarks is None else fit(scan, weights, design, T_landmarks, inlier).rmse_mm,

@@ -76,7 +76,7 @@ def measured(spec: Spec) -> dict[str, Any]:
     found, doubted = doubts.examined(found, design, asked)
     judged = verdict.Case(
         found.registration,
-        found.matching,
+        found.registration.matching,
         doubted,
         len(found.scan.landmarks.vertex),
         design.diagonal_mm,

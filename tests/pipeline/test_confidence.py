@@ -30,7 +30,9 @@ def case() -> Case:
     found = doubts.registered(scan, *doubts.matched(scan, design, ASKED), design, ASKED)
     found, doubted = doubts.examined(found, design, ASKED)
     marked = len(scan.landmarks.vertex)
-    made = Case(found.registration, found.matching, doubted, marked, design.diagonal_mm, ASKED.certain_mm(design))
+    made = Case(
+        found.registration, found.registration.matching, doubted, marked, design.diagonal_mm, ASKED.certain_mm(design)
+    )
     return with_rival(made, None)
 
 

@@ -7,7 +7,8 @@ from pipeline.analysis import Scales
 from pipeline.kernels import rigid
 from pipeline.mesh import Mesh
 from pipeline.settings import FeaturesSettings, ResampleSettings, Settings
-from pipeline.symmetries import SelfImages
+from pipeline.stages.matching import corners
+from pipeline.symmetries import MOST_NEAR, SelfImages
 from tests import shapes
 from tests.pipeline.designs import design_of
 from tests.pipeline.test_verdict import cross
@@ -29,7 +30,30 @@ def test_near_images_of_a_gear_are_its_other_teeth() -> None:
     assert found.others == ()
     angles = {round(rigid.angle_deg(T)) for T in found.near if abs(T[2, 2] - 1) < 0.01}
     assert {10 * k for k in range(1, 19)} <= angles
-    assert sum(abs(T[2, 2] + 1) < 0.01 for T in found.near) >= 30
+    assert sum(abs(T[2, 2] - 1) < 0.01 for T in found.near) == 35
+    assert sum(abs(T[2, 2] + 1) < 0.01 for T in found.near) == 36
+
+
+@pytest.mark.parametrize(
+    "part", [cross(6), shapes.box((20.0, 20.0, 0.4), 3), shapes.beads()], ids=["cross", "box", "beads"]
+)
+def test_near_images_are_told_apart_and_none_is_exact(part: Mesh) -> None:
+    found = images(part)
+    assert len(found.near) <= MOST_NEAR
+    every = [np.eye(4), *found.others, *found.near]
+    corners_mm = corners(part)
+    for k, T in enumerate(found.near, start=1 + len(found.others)):
+        apart = [rigid.rms_displacement(T, each, corners_mm) for each in every[:k]]
+        assert min(apart) > 0.009 * part.diagonal_mm
+
+
+def test_a_body_of_revolution_has_no_rival_beside_its_turns() -> None:
+    """A turn of less than 2 % of the diagonal is a symmetry too, where the surface does not slide back: by one facet."""
+    found = images(shapes.beads())
+    angle = 2 * np.pi / 40
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    assert found.contains(turn)
 
 
 def images(mesh: Mesh) -> SelfImages:

@@ -71,6 +71,27 @@ def test_inside_out_closed_mesh_is_turned() -> None:
     np.testing.assert_array_less(0, np.einsum("nd,nd->n", found.mesh.vertex_normals(), found.mesh.vertices - 0.5))
 
 
+def together(*meshes: Mesh) -> Mesh:
+    starts = np.cumsum([0, *(len(each.vertices) for each in meshes)])
+    faces = [each.faces + start for each, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([each.vertices for each in meshes]), np.concatenate(faces))
+
+
+def turned_over(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+def test_many_inside_out_pieces_are_turned_and_a_hollow_part_stays_hollow() -> None:
+    apart = [Mesh(shapes.icosphere(1.0, 1).vertices + 5.0 * k, shapes.icosphere(1.0, 1).faces) for k in range(3)]
+    wrong = together(*map(turned_over, apart))
+    assert cleaned(wrong).report["turned_faces"] == len(wrong.faces)
+    hollow = together(shapes.icosphere(5.0, 2), turned_over(shapes.icosphere(2.0, 2)))
+    assert cleaned(hollow).report["turned_faces"] == 0
+    assert cleaned(turned_over(hollow)).report["turned_faces"] == len(hollow.faces)
+    mixed = together(turned_over(shapes.icosphere(5.0, 2)), Mesh(apart[0].vertices + 20, apart[0].faces))
+    assert cleaned(mixed).report["turned_faces"] == 0  # which of the two is right cannot be told
+
+
 def test_faces_that_disagree_are_turned_to_agree() -> None:
     blob = shapes.bumpy_blob(2)
     faces = blob.faces.copy()
