@@ -7,6 +7,7 @@ import resource
 import signal
 import time
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -65,6 +66,8 @@ def _fence(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
     for fd in close:
         os.close(fd)
     os.nice(NICE)
+    with suppress(OSError):  # Linux may share the processor out among sessions first, and this one is a session of its own
+        Path("/proc/self/autogroup").write_text(str(NICE))
     process.offer_to_oom_killer()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     largest_file = max(memory_limit_bytes, MIN_FILE_LIMIT_BYTES)
