@@ -66,7 +66,8 @@ def _fence(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
     for fd in close:
         os.close(fd)
     os.nice(NICE)
-    with suppress(OSError):  # Linux may share the processor out among sessions first, and this one is a session of its own
+    # Linux may share the processor out among sessions first, and this one is a session of its own.
+    with suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(NICE))
     process.offer_to_oom_killer()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
