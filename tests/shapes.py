@@ -151,9 +151,9 @@ def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_m
     vertices = np.stack(loop, axis=1).reshape(-1, 3)
     i, k = (q.ravel() for q in np.meshgrid(np.arange(n - 1), np.arange(m), indexing="ij"))
     a, b, c, d = i * m + k, i * m + (k + 1) % m, (i + 1) * m + (k + 1) % m, (i + 1) * m + k
-    sides = np.concatenate([np.stack([a, d, c], 1), np.stack([a, c, b], 1)])
+    sides = np.concatenate([np.stack([a, c, d], 1), np.stack([a, b, c], 1)])
     ends, middles = [], []
-    for number, (first, turn) in enumerate([(0, 1), ((n - 1) * m, -1)]):
+    for number, (first, turn) in enumerate([(0, -1), ((n - 1) * m, 1)]):
         ring = first + np.arange(m)
         middles.append(vertices[ring].mean(axis=0))
         hub = np.full(m, n * m + number)
