@@ -1,4 +1,4 @@
-"""The picture on top of the README: `python -m tests.accuracy.picture demo .github/demo.png`.
+"""A picture of the README: `python -m tests.accuracy.picture demo .github/demo.png`.
 
 Takes the folder that `cusp demo` wrote; draws the design with its segments and landmarks, the scan as uploaded, and
 the aligned scan coloured by its deviation.
