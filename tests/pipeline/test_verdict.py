@@ -152,7 +152,7 @@ def test_a_rack_lies_on_the_right_teeth(tmp_path: Path) -> None:
     assert rigid.rms_displacement(found, truth, part.moved(shapes.motion(5)).vertices) < 0.1
 
 
-def test_teeth_without_an_end_are_ambiguous_and_the_next_tooth_is_an_alternative(tmp_path: Path) -> None:
+def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp_path: Path) -> None:
     """A tooth on is 3.3 % of the diagonal: too near for two hypotheses, too far to be the same pose."""
     part = shapes.rack()
     middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
@@ -162,7 +162,8 @@ def test_teeth_without_an_end_are_ambiguous_and_the_next_tooth_is_an_alternative
     assert result.verdict.confidence is not None and result.verdict.confidence <= 0.5
     best, points = np.array(result.transform.matrix), middle.moved(shapes.motion(5)).vertices
     apart = [rigid.rms_displacement(np.array(each.matrix), best, points) for each in result.alternatives]
-    assert min(abs(each - 3.0) for each in apart) < 0.3
+    assert apart and min(apart) > 1.0  # half a tooth off nothing fits
+    assert result.alternatives[0].score < 1.25
 
 
 def test_matches_are_of_the_pose_that_is_given() -> None:
