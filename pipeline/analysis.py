@@ -20,6 +20,7 @@ from pipeline.stages.landmarks import LandmarkSet, landmarks
 from pipeline.stages.load import Loaded, load
 from pipeline.stages.resample import Resampled, resample, working_edge_mm
 from pipeline.stages.segmentation import Segmentation, segment
+from pipeline.viewing import Light
 from pipeline.watch import Watch
 
 
@@ -74,6 +75,10 @@ class Analysis:
     landmarks: LandmarkSet
     landmark_vertices: IndexArray
     warnings: tuple[Note, ...]
+
+    def shown(self) -> Light:
+        """`mesh` for viewers."""
+        return Light(self.mesh, self.resampled.light)
 
     def segment_colours(self) -> FloatArray:
         """(n, 3) of the vertices of `mesh`."""

@@ -62,7 +62,7 @@ class Design:
 
     @cached_property
     def light(self) -> viewing.Light:
-        return viewing.Light(self.analysis.mesh)
+        return self.analysis.shown()
 
     @cached_property
     def surface(self) -> Surface:

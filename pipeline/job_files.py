@@ -71,7 +71,7 @@ def write_registration_page(
 
 def write_landmarks_page(out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings) -> Written:
     """The page of a landmarks job."""
-    views = _segments("mesh", found, Light(found.mesh), found.mesh, count=4)
+    views = _segments("mesh", found, found.shown(), found.mesh, count=4)
     pictures = Pictures("Segments and landmarks", "segments of the", views, SEGMENTS_NOTE)
     return _write_page(out, report_page.landmarks(result, pictures, out), settings)
 

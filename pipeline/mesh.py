@@ -15,7 +15,7 @@ IndexArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)  # no slots: areas are asked for again and again, and kept
+@dataclass(frozen=True)  # no slots: areas and normals are asked for again and again, and kept
 class Mesh:
     """Triangles over points, in millimetres. No faces at all is a point cloud.
 
@@ -56,9 +56,15 @@ class Mesh:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def face_cross_mm2(self) -> FloatArray:
-        """(m, 3) cross product of two edges of each face: twice the area, along the normal."""
+        """(m, 3) cross product of two edges of each face: twice the area, along the normal; read-only."""
+        return self._face_cross_mm2
+
+    @cached_property
+    def _face_cross_mm2(self) -> FloatArray:
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return np.asarray(np.cross(b - a, c - a), dtype=np.float64)
+        cross = np.asarray(np.cross(b - a, c - a), dtype=np.float64)
+        cross.flags.writeable = False
+        return cross
 
     def face_areas_mm2(self) -> FloatArray:
         """(m,) triangle areas; read-only."""

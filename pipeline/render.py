@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import open3d as o3d
-from scipy.spatial import cKDTree
 
-from pipeline.mesh import FloatArray, IndexArray, Mesh
+from pipeline.mesh import FloatArray, Mesh
 
 BACKGROUND = 1.0
 AMBIENT = 0.35
@@ -109,23 +108,35 @@ def _traced(
     face, uv = hit["primitive_ids"].numpy().ravel()[found], hit["primitive_uvs"].numpy().reshape(-1, 2)[found]
     normal = hit["primitive_normals"].numpy().reshape(-1, 3)[found]  # of unit length
     corners, painted = mesh.faces[face], colours.astype(np.float32)
-    colour = painted[corners[:, 0]] * (1 - uv[:, :1] - uv[:, 1:])
-    colour += painted[corners[:, 1]] * uv[:, :1]
-    colour += painted[corners[:, 2]] * uv[:, 1:]
-    colour *= AMBIENT + (1 - AMBIENT) * np.abs(normal @ axes[2])[:, None]
+    u, v = uv[:, 0], uv[:, 1]
+    light = AMBIENT + (1 - AMBIENT) * np.abs(
+        normal[:, 0] * axes[2, 0] + normal[:, 1] * axes[2, 1] + normal[:, 2] * axes[2, 2]
+    )
+    colour = np.empty((3, len(found)), dtype=np.float32)  # a channel at a time: numpy is slow along rows of three
+    for channel, of_vertices in zip(colour, painted.T.copy(), strict=True):
+        channel[:] = of_vertices[corners[:, 0]] * (1 - u - v)
+        channel += of_vertices[corners[:, 1]] * u
+        channel += of_vertices[corners[:, 2]] * v
+        channel *= light
+    image = np.full((3, h * w), BACKGROUND, dtype=np.float32)
+    image[:, found] = colour
     if marks_mm is not None and len(marks_mm):
-        # The surface point under a ray is a dot where a mark is near it: hidden marks stay hidden.
-        points = rays.reshape(-1, 6)[found, :3] - distance[found, None] * axes[2]
-        colour[_near(points, marks_mm, DOT_PX * mm_per_px)] = DOT_COLOUR
-    image = np.full((h * w, 3), BACKGROUND, dtype=np.float32)
-    image[found] = colour
-    return np.asarray(image.reshape(height, OVERSAMPLE, width, OVERSAMPLE, 3).mean(axis=(1, 3)), dtype=np.float64)
-
-
-def _near(points: FloatArray, marks_mm: FloatArray, radius_mm: float) -> IndexArray:
-    """Numbers of the points within the radius of a mark."""
-    balls = cKDTree(points).query_ball_point(marks_mm, radius_mm)
-    return np.unique(np.concatenate([np.asarray(ball, dtype=np.int64) for ball in balls]))
+        left, top = float(x[0]), float(y[0])
+        reach, radius_mm = int(np.ceil(DOT_PX * OVERSAMPLE)) + 1, DOT_PX * mm_per_px
+        depth = distance.reshape(h, w)
+        for mark in marks_mm @ view.axes.T:
+            column, row = round((mark[0] - left) / step), round((top - mark[1]) / step)
+            rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
+            columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
+            # The surface point under a ray is a dot where the mark is near it: hidden marks stay hidden.
+            apart = np.hypot(*np.meshgrid(x[columns] - mark[0], y[rows] - mark[1]))
+            near_mark = np.hypot(apart, near - depth[rows, columns] - mark[2]) <= radius_mm
+            image.reshape(3, h, w)[:, rows, columns][:, near_mark] = DOT_COLOUR[:, None]
+    quads = image.reshape(3, height, OVERSAMPLE, width, OVERSAMPLE)
+    total = np.zeros((3, height, width), dtype=np.float32)
+    for i, j in np.ndindex(OVERSAMPLE, OVERSAMPLE):
+        total += quads[:, :, i, :, j]
+    return np.asarray(np.moveaxis(total / OVERSAMPLE**2, 0, -1), dtype=np.float64)
 
 
 def _splatted(

@@ -31,7 +31,6 @@ from pipeline.stages import report
 from pipeline.stages.deviation import deviation, deviation_of_design
 from pipeline.stages.study import study
 from pipeline.verdict import POSED, Case, judge
-from pipeline.viewing import Light
 from pipeline.watch import Watch
 
 R = TypeVar("R", RegistrationResult, SegmentsResult, LandmarksResult, StudyResult)
@@ -98,7 +97,7 @@ def run_registration(
         if posed
         else [],
     )
-    shown = Light(scan.mesh.moved(T_design_scan) if posed else scan.mesh)
+    shown = scan.shown().moved(T_design_scan) if posed else scan.shown()
     files: list[str] = []
     if out is not None:
         with watch.stage(Stage.REPORT):

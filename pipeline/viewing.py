@@ -10,7 +10,6 @@ from pipeline.kernels import remesh
 from pipeline.kernels.nearest import nearest
 from pipeline.mesh import FloatArray, IndexArray, IntArray, Mesh
 
-MAX_FACES = 200_000
 M_PER_MM = 1e-3
 BALL_SHARE = 0.006  # radius of a landmark's ball, of the diagonal
 BALL_COLOUR = (25, 25, 25)
@@ -18,21 +17,28 @@ NOT_COUNTED = 1e31  # glTF has no NaN
 
 
 class Light:
-    """A mesh as viewers get it: at most about `MAX_FACES` triangles of nearly the same surface. Made when first asked for,
-    then shared by all that show the mesh; full : as it is
+    """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made when first
+    asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
     """
 
-    def __init__(self, full: Mesh) -> None:
+    def __init__(self, full: Mesh, light: Mesh | None = None) -> None:
         self.full = full
+        self._light = light
+        self._unmoved: tuple[Light, FloatArray] | None = None
 
     @cached_property
     def mesh(self) -> Mesh:
-        if self.full.is_cloud or len(self.full.faces) <= MAX_FACES:
+        if self.full.is_cloud or len(self.full.faces) <= remesh.MANY_FACES:
             return self.full
-        return remesh.decimated(self.full, MAX_FACES // 2)
+        if self._unmoved is not None:
+            unmoved, T_here_unmoved = self._unmoved
+            return unmoved.mesh.moved(T_here_unmoved)
+        return remesh.decimated(self.full, remesh.MANY_FACES // 2) if self._light is None else self._light
 
     @cached_property
     def _of_full(self) -> IndexArray | None:
+        if self._unmoved is not None:
+            return self._unmoved[0]._of_full
         return None if self.mesh is self.full else nearest(self.full.vertices, self.mesh.vertices)[1]
 
     def values(self, of_full: FloatArray) -> FloatArray:
@@ -42,8 +48,7 @@ class Light:
     def moved(self, T_target_mesh: FloatArray) -> "Light":
         """The same in another frame."""
         other = Light(self.full.moved(T_target_mesh))
-        other.__dict__["_of_full"] = self._of_full
-        other.__dict__["mesh"] = other.full if self._of_full is None else self.mesh.moved(T_target_mesh)
+        other._unmoved = self, T_target_mesh
         return other
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.kernels import rigid
-from pipeline.mesh import FloatArray
+from pipeline.mesh import FloatArray, IndexArray
 
 PATCHES = 100
 MOST_EFFECTIVE = 300  # warp and calibration correlate everywhere: thousands of points never are so many samples
@@ -127,12 +127,21 @@ def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatA
         return float(min(MOST_EFFECTIVE, len(points)))
     extent = np.ptp(points, axis=0)
     edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / PATCHES))
-    cell = np.floor((points - points.min(axis=0)) / edge).astype(np.int64)
-    _, patch = np.unique(cell, axis=0, return_inverse=True)
-    share = np.bincount(patch.ravel(), weights=weights)
-    mean = np.bincount(patch.ravel(), weights=weights * residual_mm) / np.maximum(share, 1e-300)
+    patch = patches(points, edge)
+    share = np.bincount(patch, weights=weights)
+    mean = np.bincount(patch, weights=weights * residual_mm) / np.maximum(share, 1e-300)
     between = float(share @ mean**2)
     return float(np.clip(len(share) * total / max(between, 1e-300), 6.0, min(MOST_EFFECTIVE, len(points))))
+
+
+def patches(points: FloatArray, edge_mm: float) -> IndexArray:
+    """(k,) number of the cube of `edge_mm` that each of `points` (k, 3) lies in; cubes without points have none. Of points
+    on one line, whose extents across are nothing, a hundred thousand cubes along it are enough.
+    """
+    edge_mm = max(edge_mm, 1e-5 * float(np.ptp(points, axis=0).max()), 1e-300)
+    cell = np.floor((points - points.min(axis=0)) / edge_mm).astype(np.int64)
+    of_cell = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))  # sorts much faster than rows of three
+    return np.asarray(np.unique(of_cell, return_inverse=True)[1], dtype=np.int64)
 
 
 def _untangled(free: FloatArray) -> FloatArray:

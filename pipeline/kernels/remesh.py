@@ -13,6 +13,8 @@ FILTERS = (
     "meshing_isotropic_explicit_remeshing",
 )
 
+MANY_FACES = 200_000  # viewers choke on more, and remeshing to thousands of vertices needs no more
+
 # Of fast_simplification's 0 to 10: at 5 a smooth scan of a million triangles came out with edges of three triangles.
 CAREFUL, BOLD = 3, 5
 ROUGH_DEG = 10.0  # of triangles against the surface at their corners: the noise is as large as the triangles

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.kernels import rigid
+from pipeline.kernels.free_motions import patches
 from pipeline.kernels.surface import Surface
 from pipeline.mesh import FloatArray
 
@@ -75,8 +76,7 @@ def warp_mm(stretched: Stretch, weights: FloatArray) -> float:
     """
     extent = np.ptp(stretched.point, axis=0)
     edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / _PATCHES))
-    cell = np.floor((stretched.point - stretched.point.min(axis=0)) / edge).astype(np.int64)
-    _, patch = np.unique(cell, axis=0, return_inverse=True)
-    share = np.bincount(patch.ravel(), weights=weights)
-    mean = np.bincount(patch.ravel(), weights=weights * stretched.residual_mm) / np.maximum(share, 1e-300)
+    patch = patches(stretched.point, edge)
+    share = np.bincount(patch, weights=weights)
+    mean = np.bincount(patch, weights=weights * stretched.residual_mm) / np.maximum(share, 1e-300)
     return float(np.sqrt(share @ mean**2 / share.sum()))

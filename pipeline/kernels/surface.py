@@ -1,7 +1,7 @@
 """Closest points on a triangle surface, and on which side of it a point lies.
 
 Which triangle is closest is asked of open3d's ray-casting scene (embree, single precision); the closest point
-on that triangle is then computed in double precision, so a wrong neighbour can be taken only where two
+on that triangle is then computed in double precision (`native/closest.cpp`), so a wrong neighbour can be taken only where two
 triangles are equally far to about 1e-7 of the part's size. The sign follows Baerentzen & Aanaes, "Signed
 distance computation using the angle weighted pseudonormal" (2005): right at edges and vertices too.
 """
@@ -14,13 +14,14 @@ import numpy as np
 import open3d as o3d
 
 from pipeline.kernels import topology
+from pipeline.kernels.native import core
 from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 
 
 @dataclass(frozen=True, slots=True)
 class Closest:
-    """point : (k, 3) on the surface; face : (k,) int64; weights : (k, 3) barycentric;
-    distance : (k,) >= 0; normal : (k, 3) unit, of the face
+    """point : (k, 3) on the surface; face : (k,) int64; weights : (k, 3) barycentric, exactly 0 off the closest feature: two
+    zeros at a vertex, one on an edge, none inside; distance : (k,) >= 0; normal : (k, 3) unit, of the face
     """
 
     point: FloatArray
@@ -49,7 +50,9 @@ class Surface:
     @cached_property
     def _face_normals(self) -> FloatArray:
         cross = self.mesh.face_cross_mm2()
-        return np.asarray(cross / np.linalg.norm(cross, axis=1, keepdims=True), dtype=np.float64)
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        unit: FloatArray = np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+        return unit
 
     @cached_property
     def _edges(self) -> topology.Edges:
@@ -73,12 +76,10 @@ class Surface:
         # Each answer is its own: threads change none of them.
         threads = 1 if len(points) < MANY_POINTS else len(os.sched_getaffinity(0))
         face = self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"].numpy().astype(np.int64)
-        corners = self.mesh.vertices[self.mesh.faces[face]]
-        weights = closest_weights(points, corners)
-        point = np.einsum("kc,kcd->kd", weights, corners)
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normal = cross / np.linalg.norm(cross, axis=1, keepdims=True)
-        return Closest(point, face, weights, np.linalg.norm(points - point, axis=1), normal)
+        point, weights, distance = core.closest_on_faces(
+            np.ascontiguousarray(points, dtype=np.float64), self.mesh.vertices, self.mesh.faces, face, threads
+        )
+        return Closest(point, face, weights, distance, self._face_normals[face])
 
     def signed_distance(self, points: FloatArray, found: Closest) -> FloatArray:
         """(k,) `found.distance`, negative where the point lies behind the surface (inside a closed one)."""
@@ -135,42 +136,3 @@ def corner_angles(corners: FloatArray) -> FloatArray:
         np.linalg.norm(np.cross(to_next, to_last), axis=2), np.einsum("mcd,mcd->mc", to_next, to_last)
     )
     return angles
-
-
-def closest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(k, 3) barycentric weights of the point of triangle `corners` (k, 3, 3) closest to `points` (k, 3).
-
-    Weights are exactly 0 off the closest feature: two zeros at a vertex, one on an edge, none inside
-    (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
-    """
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    ab, ac, ap, bp, cp = b - a, c - a, points - a, points - b, points - c
-
-    def dot(u: FloatArray, v: FloatArray) -> FloatArray:
-        product: FloatArray = np.einsum("kd,kd->k", u, v)
-        return product
-
-    d1, d2, d3, d4, d5, d6 = dot(ab, ap), dot(ac, ap), dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp)
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-
-    def ratio(part: FloatArray, whole: FloatArray) -> FloatArray:
-        quotient: FloatArray = np.divide(part, whole, out=np.zeros_like(part), where=whole != 0)
-        return quotient
-
-    zero, one = np.zeros_like(va), np.ones_like(va)
-    on_ab, on_ac = ratio(d1, d1 - d3), ratio(d2, d2 - d6)
-    on_bc = ratio(d4 - d3, (d4 - d3) + (d5 - d6))
-    inside_b, inside_c = ratio(vb, va + vb + vc), ratio(vc, va + vb + vc)
-    regions = [
-        ((d1 <= 0) & (d2 <= 0), (one, zero, zero)),
-        ((d3 >= 0) & (d4 <= d3), (zero, one, zero)),
-        ((d6 >= 0) & (d5 <= d6), (zero, zero, one)),
-        ((vc <= 0) & (d1 >= 0) & (d3 <= 0), (1 - on_ab, on_ab, zero)),
-        ((vb <= 0) & (d2 >= 0) & (d6 <= 0), (1 - on_ac, zero, on_ac)),
-        ((va <= 0) & (d4 >= d3) & (d5 >= d6), (zero, 1 - on_bc, on_bc)),
-    ]
-    conditions = [condition for condition, _ in regions]
-    inside = (1 - inside_b - inside_c, inside_b, inside_c)
-    return np.stack(
-        [np.select(conditions, [weights[k] for _, weights in regions], inside[k]) for k in range(3)], axis=1
-    )

@@ -26,13 +26,15 @@ DECIMATE_ABOVE = 8  # times the wanted faces: remeshing directly is slow from th
 class Resampled:
     """mesh : the working mesh; fine : the same surface in smaller triangles, for features, or None when not asked for;
     edge_mm : edge length of the working mesh;
-    working_of_clean : (n_clean,) int64, nearest vertex of the working mesh (by the nearest surface point)
+    working_of_clean : (n_clean,) int64, nearest vertex of the working mesh (by the nearest surface point);
+    light : the cleaned mesh in fewer triangles, None where it has few enough to be shown as it is
     """
 
     mesh: Mesh
     fine: Mesh | None
     edge_mm: float
     working_of_clean: IndexArray
+    light: Mesh | None = None
 
 
 def working_edge_mm(area_mm2: float, n_vertices: int) -> float:
@@ -60,13 +62,16 @@ def resample(
     # A scan far smaller than its design (in another unit, a splinter) keeps enough vertices to be looked at.
     longer = min(1.0, working_edge_mm(area, MIN_VERTICES) / edge_mm)
     longer = max(longer, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm)
-    fine = None
+    fine = light = None
+    finest_mm = longer * (edge_mm if fine_edge_mm is None else min(edge_mm, fine_edge_mm))
+    if len(surface.faces) > remesh.MANY_FACES >= DECIMATE_ABOVE * _faces(area, finest_mm):
+        surface = light = remesh.decimated(surface, remesh.MANY_FACES // 2)  # the slow step: pictures share it
     if fine_edge_mm is not None:
         fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings)
         if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
             surface = fine  # near enough for the coarser one, and remeshed in half the time
     working = _remeshed(surface, area, name, longer * edge_mm, settings)
-    return Resampled(working, fine, longer * edge_mm, nearest_vertices(working, mesh.vertices))
+    return Resampled(working, fine, longer * edge_mm, nearest_vertices(working, mesh.vertices), light)
 
 
 def _remeshed(surface: Mesh, area_mm2: float, name: str, edge_mm: float, settings: ResampleSettings) -> Mesh:

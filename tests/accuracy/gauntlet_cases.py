@@ -29,6 +29,8 @@ Which answers are right
   arch_013C 1.5, tooth 1.2, rocker_arm 1.1, arch_022C 0.8, cast 0.7, arch_001C 0.7, arch_h1 0.6, so101_upper_arm 0.33.
   Left out as their own mirror image: so101_base 0.08 % (max 2.5 %), so101_mounting_plate, quality_nut, featuretype 0.1 %
   (max 2.5 %), nist_am_artifact 0.39 % and fertility 0.34 % (close to the warp).
+- Rough mirrored: these two, and an arch, with noise and warp above what tells their handedness: `mirrored`, `ambiguous` and
+  `no_match` are right, `ok` is wrong.
 - Fine pitch: a toothed bar and a ring with teeth, each with one mark that makes its pose unique; a step on, or turned over,
   they fit nearly as well. What such a pose leaves is measured as for the nearly symmetric.
 - Body of revolution: one pose for each degree of the turn; `under_constrained`. Sphere, plane: `under_constrained` or
@@ -102,6 +104,7 @@ SYMMETRIC = (BAR, RING_TOP, CONE, *PAIR_CADS, "formula/n-fold ring")
 SYMMETRIC_TO_THE_MESH = (RING_TOP, CONE, BAR)  # or so plain that `ambiguous` is no fault
 MAY_REPEAT = (FANDISK, FEATURETYPE, BASE, UPPER_ARM, NIST, NUT, *NEARLY_SYMMETRIC, *SYMMETRIC)
 MIRRORABLE = (*ARCHES, *MOLARS, TOOTH, CAST, FANDISK, UPPER_ARM, "scans/rocker_arm.obj", "scans/foot.stl")
+HARDLY_MIRRORED = (NIST, "scans/fertility.off", ARCHES[0])  # from a rough scan their handedness can hardly be told
 IN_MM = (ARCHES[0], ARCHES[4], CAST, TOOTH, UPPER_ARM, NIST)  # where other units make sense
 STRANGERS = (
     *((BASE, UPPER_ARM), (UPPER_ARM, BASE), (FANDISK, FEATURETYPE), (NIST, MOUNTING_PLATE), (NUT, FANDISK)),
@@ -166,8 +169,10 @@ class Spec:
         words = title(self.shape)
         if self.scanned is not None:
             words = f"{title(self.scanned)} on {words}"
-        if self.group in {"inches", "metres", "mirrored"}:
-            words += f" {self.group}" if self.group == "mirrored" else f" in {self.group}"
+        if self.group in {"inches", "metres"}:
+            words += f" in {self.group}"
+        if "mirrored" in self.group:
+            words += " mirrored"
         return f"{words}, {self.condition}, seed {self.seed}"
 
 
@@ -228,6 +233,8 @@ def _of_seed(seed: int) -> Iterator[Spec]:
         yield Spec("another patient", design, condition, seed, scanned)
     for shape in MIRRORABLE:
         yield Spec("mirrored", shape, "scan", seed)
+    for shape in HARDLY_MIRRORED:
+        yield Spec("rough mirrored", shape, "rough", seed)
     for group in ("inches", "metres"):
         for shape in IN_MM:
             yield Spec(group, shape, "scan", seed)
@@ -269,6 +276,7 @@ def build(spec: Spec) -> Case:
         "other part": _stranger,
         "another patient": _stranger,
         "mirrored": _mirrored,
+        "rough mirrored": _mirrored,
         "inches": _in_units,
         "metres": _in_units,
         "body of revolution": _revolved,
@@ -420,7 +428,8 @@ def _stranger(spec: Spec) -> Case:
 def _mirrored(spec: Spec) -> Case:
     design = design_of(spec.shape)
     _, case = _made(spec, design, mirrored(design))
-    return replace(case, expected=frozenset({"mirrored"}))
+    statuses = {"mirrored"} if spec.group == "mirrored" else {"mirrored", "ambiguous", "no_match"}
+    return replace(case, expected=frozenset(statuses))
 
 
 def _in_units(spec: Spec) -> Case:

@@ -13,10 +13,11 @@ from PIL import Image
 
 import pipeline
 from pipeline.colour_scale import ColourScale
+from pipeline.kernels.remesh import MANY_FACES
 from pipeline.mesh import Mesh
 from pipeline.outcome import MadeBy, Note, RegistrationResult
 from pipeline.report_page import legend, views_of
-from pipeline.viewing import MAX_FACES, Light, write_glb
+from pipeline.viewing import Light, write_glb
 from tests.service.meshes import blob_stl
 from tests.shapes import icosphere
 
@@ -132,11 +133,11 @@ def test_the_coloured_scan_is_the_aligned_one_in_the_scales_colours(made: tuple[
 
 def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
     ball = icosphere(10.0, 7)
-    assert len(ball.faces) > MAX_FACES
+    assert len(ball.faces) > MANY_FACES
     height = (ball.vertices[:, 2] + 10) / 20
     write_glb(tmp_path / "a.glb", Light(ball), np.column_stack([height, height, height]))
     seen = trimesh.load(tmp_path / "a.glb", process=False).geometry["surface"]
-    assert 10_000 < len(seen.faces) <= MAX_FACES
+    assert 10_000 < len(seen.faces) <= MANY_FACES
     assert np.linalg.norm(seen.vertices, axis=1) * 1000 == pytest.approx(10, abs=0.05)
     expected = (seen.vertices[:, 2] * 1000 + 10) / 20
     assert np.abs(seen.visual.vertex_colors[:, 0] / 255 - expected).max() < 0.03

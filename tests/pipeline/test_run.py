@@ -14,9 +14,9 @@ import trimesh
 import pipeline
 from pipeline import MeshFile, Progress, Settings
 from pipeline.kernels import rigid
-from pipeline.kernels.surface import closest_weights
 from pipeline.mesh import FloatArray, Mesh
 from tests import shapes
+from tests.closest_weights import closest_weights
 
 NOISE_MM = 0.02
 

@@ -268,9 +268,10 @@ class Solver {
 }  // namespace
 
 void bind_copy_icp(nb::module_& m);  // copy_icp.cpp
+void bind_closest(nb::module_& m);   // closest.cpp
 
 NB_MODULE(core, m) {
-    m.doc() = "The C++ behind kernels/geodesics.py and kernels/copy_icp.py.";
+    m.doc() = "The C++ behind kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py.";
     nb::register_exception_translator([](const std::exception_ptr& p, void*) {
         try {
             std::rethrow_exception(p);
@@ -292,4 +293,5 @@ NB_MODULE(core, m) {
         .def("nearest", &Solver::nearest, "sources"_a, "most"_a, "threads"_a)
         .def("windows", &Solver::windows, "source"_a, "radius"_a);
     bind_copy_icp(m);
+    bind_closest(m);
 }

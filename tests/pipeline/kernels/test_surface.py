@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.kernels.surface import Surface, closest_weights
+from pipeline.kernels.native import core
+from pipeline.kernels.surface import Surface
 from pipeline.mesh import FloatArray
 from tests import shapes
+from tests.closest_weights import closest_weights
 
 OFFSETS = (0.0, 1e4)  # far from the origin too: single precision must not be spent on the offset
 
@@ -54,15 +56,49 @@ def test_distance_of_a_shifted_plane_is_the_shift() -> None:
     assert surface.on_open_border(surface.closest(np.array([[-1.0, 4.2, 0.3], [20.0, 20.0, 1.0]]))).all()
 
 
-@given(st.lists(st.floats(-3, 3), min_size=12, max_size=12))
+TRIANGLE_AND_POINT = st.lists(st.floats(-3, 3), min_size=12, max_size=12)
+
+
+def closest(point: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of one triangle (3, 3): the closest point, its weights, the distance."""
+    faces, face = np.array([[0, 1, 2]], dtype=np.int32), np.zeros(len(point), dtype=np.int64)
+    return core.closest_on_faces(point, np.ascontiguousarray(corners), faces, face, 1)
+
+
+@given(TRIANGLE_AND_POINT)
 def test_no_point_of_the_triangle_is_closer(numbers: list[float]) -> None:
     values = np.array(numbers).reshape(4, 3)
-    point, corners = values[:1], values[None, 1:]
-    weights = closest_weights(point, corners)
+    point, corners = values[:1], values[1:]
+    found, weights, distance = closest(point, corners)
     assert (weights >= -1e-12).all()
     np.testing.assert_allclose(weights.sum(), 1.0, atol=1e-9)
-    best = np.linalg.norm(point[0] - weights[0] @ corners[0])
+    np.testing.assert_allclose(weights @ corners, found, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(found - point, axis=1), distance, atol=1e-12)
     u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 12)))
     inside = u + v <= 1
-    others = np.stack([1 - u - v, u, v], axis=1)[inside] @ corners[0]
-    assert best <= np.linalg.norm(others - point, axis=1).min() + 1e-7
+    others = np.stack([1 - u - v, u, v], axis=1)[inside] @ corners
+    assert distance[0] <= np.linalg.norm(others - point, axis=1).min() + 1e-7
+
+
+@given(TRIANGLE_AND_POINT)
+def test_closest_point_is_the_same_by_two_routes(numbers: list[float]) -> None:
+    """In C++ and in numpy, degenerate triangles too: the same weights, and the same ones exactly 0."""
+    values = np.array(numbers).reshape(4, 3)
+    _, weights, _ = closest(values[:1], values[1:])
+    by_numpy = closest_weights(values[:1], values[None, 1:])
+    np.testing.assert_allclose(weights, by_numpy, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(weights == 0, by_numpy == 0)
+
+
+def test_threads_change_no_bit() -> None:
+    blob = shapes.bumpy_blob(4)
+    rng = np.random.default_rng(2)
+    points, face = rng.normal(size=(20_000, 3)) * 12, rng.integers(0, len(blob.faces), 20_000)
+    one, three = (core.closest_on_faces(points, blob.vertices, blob.faces, face, threads) for threads in (1, 3))
+    for a, b in zip(one, three, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_face_that_is_none_is_refused() -> None:
+    with pytest.raises(IndexError, match="face out of range"):
+        core.closest_on_faces(np.zeros((1, 3)), np.eye(3), np.array([[0, 1, 2]], dtype=np.int32), np.array([1]), 1)
