@@ -271,6 +271,12 @@ class ReportSettings(Section):
         "(experimental)",
     )
 
+    @model_validator(mode="after")
+    def _files_to_write(self) -> Self:
+        if not self.write_files and (self.pdf or self.three_mf):
+            raise ValueError("report.pdf and report.three_mf are files: they need report.write_files")
+        return self
+
 
 class Settings(Section):
     """All sections; unknown keys are an error."""

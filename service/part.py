@@ -11,12 +11,13 @@ from typing import NoReturn
 from pydantic import ValidationError
 
 from service.logs import set_up_logs
-from service.process import die_with_parent
+from service.process import die_with_parent, keep_secrets
 from service.settings import ServiceSettings
 
 
 def run_part(name: str, parent: int) -> int:
     """Run until it is told to stop. parent : pid of `cusp up`, which prepared all, and with which this ends; 0: alone"""
+    keep_secrets()
     try:
         settings = ServiceSettings()
     except ValidationError as error:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
+PR_SET_DUMPABLE = 4
 PR_SET_CHILD_SUBREAPER = 36
 OOM_SCORE_OF_JOBS = 900  # when the machine runs out of memory, the kernel takes a job before the service
 
@@ -20,6 +21,14 @@ def die_with_parent(parent_pid: int) -> None:
     _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent_pid:  # it ended before the call
         os._exit(1)
+
+
+def keep_secrets() -> None:
+    """Let no other process of the same user read this one's environment and memory: a job's process runs as that user, works on
+    strangers' meshes, and passwords are in our environment. A process forked from this one keeps it, one that is executed
+    starts open.
+    """
+    _prctl(PR_SET_DUMPABLE, 0)
 
 
 def adopt_orphans() -> None:

@@ -17,6 +17,7 @@ from service.blobs import BlobStore
 from service.engine import migrate_queue
 from service.jobs import now_ms
 from service.keys import KeyStore, check_exposure
+from service.process import keep_secrets
 from service.settings import ServiceSettings
 from service.store import check_sqlite, migrate, migrating, open_database
 from service.worker_main import EXIT_BROKEN
@@ -106,6 +107,7 @@ def _clear_uploads(settings: ServiceSettings) -> None:
 
 def run_up(settings: ServiceSettings) -> int:
     """Run until SIGTERM or Ctrl-C, or until a part cannot be kept alive. Returns the exit code."""
+    keep_secrets()
     stop = threading.Event()
     for kind in (signal.SIGTERM, signal.SIGINT):
         signal.signal(kind, lambda *_: stop.set())

@@ -32,6 +32,12 @@ def settings(*, pdf: bool) -> pipeline.Settings:
     return pipeline.Settings.model_validate({**SMALL, "report": {"pdf": pdf}})
 
 
+@pytest.mark.parametrize("asked", ["pdf", "three_mf"])
+def test_a_file_that_no_file_is_written_for_is_refused(asked: str) -> None:
+    with pytest.raises(ValueError, match="need report.write_files"):
+        pipeline.Settings.model_validate({"report": {"write_files": False, asked: True}})
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RegistrationResult]:
     folder = tmp_path_factory.mktemp("job")
