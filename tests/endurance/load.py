@@ -30,7 +30,13 @@ from tests.shapes import icosphere
 CONNECTIONS = 16
 MIB = 1024 * 1024
 BUSY = {"settings": {"resample": {"target_vertices": 20_000}}}  # minutes of work
-SMALL = {"settings": {"resample": {"target_vertices": 200}, "features": {"target_vertices": 300}}}
+SMALL = {
+    "settings": {
+        "resample": {"target_vertices": 200},
+        "features": {"target_vertices": 300},
+        "report": {"write_files": False},
+    }
+}
 
 
 async def poll(port: int, path: str, rate: float, seconds: float) -> list[float]:

@@ -34,7 +34,7 @@ def settings(*, pdf: bool) -> pipeline.Settings:
 
 @pytest.mark.parametrize("asked", ["pdf", "three_mf"])
 def test_a_file_that_no_file_is_written_for_is_refused(asked: str) -> None:
-    with pytest.raises(ValueError, match="need report.write_files"):
+    with pytest.raises(ValueError, match=r"need report\.write_files"):
         pipeline.Settings.model_validate({"report": {"write_files": False, asked: True}})
 
 
