@@ -95,9 +95,9 @@ def register(
         seed=found.seed,
         matching=matching,
         inlier_distance_mm=inlier,
-        rmse_initial_mm=fit(scan, weights, design, np.eye(4), inlier).rmse_mm,
-        rmse_landmarks_mm=None if T_landmarks is None else fit(scan, weights, design, T_landmarks, inlier).rmse_mm,
-        rmse_complete_mm=fit(scan, weights, design, complete, inlier).rmse_mm,
+        rmse_initial_mm=rmse_mm(scan, weights, design, np.eye(4)),
+        rmse_landmarks_mm=None if T_landmarks is None else rmse_mm(scan, weights, design, T_landmarks),
+        rmse_complete_mm=rmse_mm(scan, weights, design, complete),
         design_coverage=best.coverage,
         observability=observed(final, weights, design, inlier, limit_mm),
         scale=_scale(asked.every, design, best.T_design_scan, inlier),
@@ -122,6 +122,12 @@ def fit(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatAr
         overlap=min(1.0, float(weights[inside & ~design.on_open_border(closest)].sum())),
         truncated_rms_mm=float(np.sqrt((weights * np.minimum(squared, inlier_distance_mm**2)).sum())),
     )
+
+
+def rmse_mm(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray) -> float:
+    """`Fit.rmse_mm` alone."""
+    distance = design.closest(rigid.transformed(T_design_scan, scan.vertices)).distance
+    return float(np.sqrt((weights * distance**2).sum()))
 
 
 def observed(
