@@ -7,12 +7,12 @@
 Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first call that computes.
 """
 
-from pipeline.door import MeshFile, find_landmarks, find_segments, preload, register, study
-from pipeline.errors import PipelineError
-from pipeline.formats import HEAD_BYTES, Format, detect_format
-from pipeline.outcome import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
-from pipeline.progress import OnProgress, Progress, Stage
-from pipeline.settings import Detector, Settings, StudyKind, StudySettings, Unit
+from pipeline.api import MeshFile, find_landmarks, find_segments, preload, register, study
+from pipeline.core.errors import PipelineError
+from pipeline.core.formats import HEAD_BYTES, Format, detect_format
+from pipeline.core.progress import OnProgress, Progress, Stage
+from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
+from pipeline.core.settings import Detector, Settings, StudyKind, StudySettings, Unit
 
 __all__ = [
     "HEAD_BYTES",

@@ -7,7 +7,7 @@ table, `openapi/examples/` has one example of each, and a test fails when a clas
 from dataclasses import dataclass
 from typing import ClassVar
 
-import pipeline.errors as mesh
+import pipeline.core.errors as mesh
 from pipeline import PipelineError
 from service.schemas import Problem, ProblemItem
 

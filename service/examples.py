@@ -3,7 +3,7 @@ tests hold them against the schemas and the table, and the OpenAPI document show
 
 from typing import Any
 
-import pipeline.errors as mesh
+import pipeline.core.errors as mesh
 from pipeline import PipelineError, StudySettings
 from service import errors
 from service.errors import ServiceError, problem_of

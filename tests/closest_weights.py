@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.mesh import FloatArray
+from pipeline.core.mesh import FloatArray
 
 
 def closest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.mesh import FloatArray, Mesh
+from pipeline.core.mesh import FloatArray, Mesh
 
 
 def grid_plane(nx: int = 12, ny: int = 9, step_mm: float = 1.0) -> Mesh:

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from pipeline import PipelineError
-from pipeline.settings import Settings
+from pipeline.core.settings import Settings
 from service.errors import TABLE
 from service.settings import ServiceSettings
 

@@ -9,9 +9,9 @@ to 0.5 %, with all of its local maxima and at most one more.
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import sampling
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray
 
 BASES = 160  # on the whole mesh; a piece gets its share of the area
 

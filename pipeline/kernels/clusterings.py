@@ -19,8 +19,8 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.kernels import sampling
-from pipeline.mesh import FloatArray, IndexArray, IntArray
 
 STARTS = 10  # fresh seedings of K-means, the best is kept: single ones often put two centres in one blob
 SLOW_STARTS = 3  # the same of the others, where a run takes ten times as long

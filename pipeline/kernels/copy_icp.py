@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import BoolArray, FloatArray, IntArray
 from pipeline.kernels.geodesics import OnShare
 from pipeline.kernels.native import core
-from pipeline.mesh import BoolArray, FloatArray, IntArray
 
 RULES = ("library", "converged")  # the columns of every (t, 2) below
 LIBRARY_ITERATIONS = 30  # the defaults of open3d.pipelines.registration.registration_icp (0.20)

@@ -11,8 +11,8 @@ costs about 2 beta times its depth, walking along its floor nothing.
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray, IntArray, Mesh
 from pipeline.kernels.diffusion import diffused
-from pipeline.mesh import FloatArray, IntArray, Mesh
 
 _MAX_EXPONENT = 60.0  # heights beyond so many sharpness units weigh alike; exp stays far inside float64
 

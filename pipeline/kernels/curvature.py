@@ -8,9 +8,9 @@ area gives pointwise ones. Sign: mean curvature is positive where the surface is
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import topology
 from pipeline.kernels.surface import corner_angles
-from pipeline.mesh import FloatArray, Mesh
 
 _MAX_COT = 1e3  # a sliver's cotangent: beyond this it says nothing about the surface
 

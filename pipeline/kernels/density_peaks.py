@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
 _FIRST_BATCH = 32  # vertices of each cluster whose border is looked for at once
 

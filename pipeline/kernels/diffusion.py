@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import curvature
-from pipeline.mesh import FloatArray, Mesh
 
 _MIN_AREA_SHARE = 1e-9  # of the mean vertex area: a vertex without a triangle keeps its own value
 

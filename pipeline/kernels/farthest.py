@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import BoolArray, FloatArray, IndexArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.kernels import topology
 from pipeline.kernels.native import core
-from pipeline.mesh import FloatArray, IndexArray, IntArray
 
 OnShare = Callable[[float], bool | None]  # hears the share done; answering False stops the work with InterruptedError
 

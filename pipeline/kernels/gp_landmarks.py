@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from pipeline.mesh import FloatArray, IndexArray
+from pipeline.core.mesh import FloatArray, IndexArray
 
 LAMBDA = 0.5
 BANDWIDTH_EDGES = 0.2  # of a mean edge, at area 1

@@ -21,8 +21,8 @@ from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import eigsh
 from threadpoolctl import threadpool_limits
 
+from pipeline.core.mesh import FloatArray, IntArray, Mesh
 from pipeline.kernels import curvature
-from pipeline.mesh import FloatArray, IntArray, Mesh
 
 PAIRS = 300
 DECAY = 4 * np.log(10)  # exp(-lambda t) = 1e-4

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, IndexArray
 
 MIN_AGREEMENT = 0.5  # cosine: a match whose normals differ by more than 60 degrees is of another side
 

@@ -13,7 +13,7 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from pipeline.mesh import BoolArray, FloatArray
+from pipeline.core.mesh import BoolArray, FloatArray
 
 # The factors that open3d and PCL use with the resolution of the model, the mean distance to the nearest other point.
 SALIENT_RESOLUTIONS = 6.0

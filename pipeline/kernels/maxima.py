@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
 from pipeline.kernels import topology
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

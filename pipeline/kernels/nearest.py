@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.mesh import FloatArray, IndexArray
+from pipeline.core.mesh import FloatArray, IndexArray
 
 
 def nearest(points: FloatArray, queries: FloatArray) -> tuple[FloatArray, IndexArray]:

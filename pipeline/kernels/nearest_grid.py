@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import FloatArray
 
 _CELLS = 48  # along the longest side: a cell is about 2 % of the part
 

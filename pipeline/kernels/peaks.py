@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.kernels import topology
-from pipeline.mesh import FloatArray, IndexArray, Mesh
 
 MIN_REACH_EDGES = 2.0
 _MIN_POINTS = 8  # for a fit of six coefficients

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.kernels import rigid
-from pipeline.mesh import FloatArray, IndexArray
 
 
 def pair_frames(p: FloatArray, q: FloatArray, p_normal: FloatArray, q_normal: FloatArray) -> FloatArray:

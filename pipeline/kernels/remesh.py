@@ -5,7 +5,7 @@ import numpy as np
 import pymeshlab
 from pymeshlab import PyMeshLabException as PyMeshLabException
 
-from pipeline.mesh import FloatArray, IndexArray, IntArray, Mesh
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
 
 FILTERS = (
     "meshing_repair_non_manifold_edges",

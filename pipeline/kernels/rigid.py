@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.mesh import FloatArray
+from pipeline.core.mesh import FloatArray
 
 
 def transformed(T_target_source: FloatArray, points: FloatArray) -> FloatArray:

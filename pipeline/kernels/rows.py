@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.mesh import IndexArray
+from pipeline.core.mesh import IndexArray
 
 
 def group_rows(rows: npt.NDArray[Any]) -> tuple[IndexArray, IndexArray]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 
 
 @dataclass(frozen=True, slots=True)

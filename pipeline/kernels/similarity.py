@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
-from pipeline.kernels.free_motions import patches
+from pipeline.kernels.observability import patches
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray
 
 _ITERATIONS = 12
 _WEAK = 1e-6  # an eigenvalue below this: the surface cannot tell (a plane has no size)

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 import open3d as o3d
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.kernels import topology
 from pipeline.kernels.native import core
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_matrix, csgraph
 
-from pipeline.mesh import BoolArray, IndexArray, IntArray
+from pipeline.core.mesh import BoolArray, IndexArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)

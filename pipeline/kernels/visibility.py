@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray
 
 ONE_VIEW = 0.97  # share of the normals on one side of their mean: a depth camera's picture
 CONE_DEG = 20.0  # how well the mean normal tells where the camera was

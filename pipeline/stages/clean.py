@@ -6,11 +6,11 @@ import numpy as np
 from scipy.sparse import coo_matrix, csgraph
 from scipy.spatial import cKDTree
 
-from pipeline.errors import DegenerateMesh, TooFewPoints
+from pipeline.core.errors import DegenerateMesh, TooFewPoints
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from pipeline.core.settings import CleanSettings
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.rows import group_rows
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
-from pipeline.settings import CleanSettings
 
 MIN_FACES = 4  # a tetrahedron: fewer triangles have no shape to find a pose by
 MIN_POINTS = 30

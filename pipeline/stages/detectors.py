@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
+from pipeline.core.settings import Detector
 from pipeline.kernels import gp_landmarks, heat_kernel, iss, maxima, peaks, topology
 from pipeline.kernels.average_geodesic import average_geodesic
 from pipeline.kernels.farthest import farthest_points
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
-from pipeline.settings import Detector
 from pipeline.stages.features import Features
 
 REACH_RADII = 0.3  # over which a maximum is located

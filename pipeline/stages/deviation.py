@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.core.mesh import BoolArray, FloatArray, IntArray, Mesh
+from pipeline.core.results import DesignDeviation, DesignSide, Deviation, SegmentDeviation
+from pipeline.core.settings import DeviationSettings
 from pipeline.kernels import rigid, topology
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import BoolArray, FloatArray, IntArray, Mesh
-from pipeline.outcome import DesignDeviation, DesignSide, Deviation, SegmentDeviation
-from pipeline.settings import DeviationSettings
 from pipeline.stages.registration import Fit
 
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import FeaturesSettings
 from pipeline.kernels import curvature, topology
 from pipeline.kernels.diffusion import diffused
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import FeaturesSettings
 from pipeline.stages.resample import working_edge_mm
 
 NAMES = ("a", "m", "G", "l1", "l2", "l3")

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.results import Note
+from pipeline.core.settings import GeodesicsSettings, SegmentationSettings
 from pipeline.kernels import crease
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.outcome import Note
-from pipeline.settings import GeodesicsSettings, SegmentationSettings
 
 
 @dataclass(frozen=True, slots=True)

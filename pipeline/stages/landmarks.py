@@ -6,11 +6,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import f as f_distribution
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from pipeline.core.settings import LandmarksSettings
 from pipeline.kernels import maxima, peaks
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
-from pipeline.settings import LandmarksSettings
 from pipeline.stages.detectors import COMPETITORS, Scene
 from pipeline.stages.features import Features
 from pipeline.stages.resample import nearest_vertices

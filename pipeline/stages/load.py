@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from pipeline.door import MeshFile
-from pipeline.errors import (
+from pipeline.api import MeshFile
+from pipeline.core.errors import (
     CoordinateOutOfRange,
     IndexOutOfRange,
     MeshTooLarge,
@@ -28,9 +28,9 @@ from pipeline.errors import (
     UnitUnknown,
     UnreadableFile,
 )
-from pipeline.formats import HEAD_BYTES, STL_FACE_BYTES, STL_HEADER_BYTES, Format, detect_format
-from pipeline.mesh import FloatArray, IndexArray, Mesh
-from pipeline.settings import LoadSettings, Unit
+from pipeline.core.formats import HEAD_BYTES, STL_FACE_BYTES, STL_HEADER_BYTES, Format, detect_format
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 MAX_COORDINATE_MM = 1e8

@@ -7,11 +7,11 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.settings import MatchingSettings
 from pipeline.kernels import icp, poses, rigid, sampling, topology
 from pipeline.kernels.nearest import k_nearest, nearest
 from pipeline.kernels.nearest_grid import NearestGrid
-from pipeline.mesh import FloatArray, IndexArray, Mesh
-from pipeline.settings import MatchingSettings
 from pipeline.stages.landmarks import LandmarkSet
 
 Source = Literal["landmarks", "dense", "axes"]

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import icp, rigid
-from pipeline.kernels.free_motions import Observability, observe
+from pipeline.kernels.observability import Observability, observe
 from pipeline.kernels.similarity import stretch, warp_mm
 from pipeline.kernels.surface import Closest, Surface
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.pose_search import TOLERANCE_SHARE, TRIAL_POINTS, Pose, Scan, ScanPoints, search
-from pipeline.settings import RegistrationSettings
+from pipeline.search.pose_search import TOLERANCE_SHARE, TRIAL_POINTS, Pose, Scan, ScanPoints, search
 from pipeline.stages.matching import Matching
 
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 import open3d as o3d
 
-from pipeline.errors import ResampleFailed
+from pipeline.core.errors import ResampleFailed
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
+from pipeline.core.settings import CleanSettings, ResampleSettings
 from pipeline.kernels import remesh
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, Mesh
-from pipeline.settings import CleanSettings, ResampleSettings
 from pipeline.stages.clean import clean
 
 MIN_VERTICES = 500

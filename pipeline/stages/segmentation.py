@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.errors import ComponentsTooSmall
+from pipeline.core.errors import ComponentsTooSmall
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from pipeline.core.settings import SegmentationSettings
 from pipeline.kernels import clusterings, density_peaks, topology
 from pipeline.kernels.nearest import nearest
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
-from pipeline.settings import SegmentationSettings
 from pipeline.stages.geodesics import Geodesics
 
 MOST_PEAKS = 1000  # that joining starts from

@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.table import Table
 
 import pipeline
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import CleanSettings, LoadSettings, ResampleSettings
 from pipeline.kernels import rigid
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import CleanSettings, LoadSettings, ResampleSettings
 from pipeline.stages.clean import clean
 from pipeline.stages.load import load
 from pipeline.stages.resample import resample, working_edge_mm

@@ -17,7 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from rich.console import Console
 from rich.table import Table
 
-from pipeline.mesh import Mesh
+from pipeline.core.mesh import Mesh
 from service import demo_arch
 from service.client import Client
 from tests.accuracy.bench import printed, read, save

@@ -3,7 +3,7 @@
 Cases that the gauntlet does not have, harder than its own (other seeds, pieces down to 15 %, noise up to 1 %, warp up to 2 %), are
 registered, and the best pose of each is right or wrong whatever the verdict would be. A logistic regression of that on
 `verdict.evidence` is fitted on half of the shapes and judged on the other half; what is printed last, fitted on all of them,
-stands in `pipeline/verdict.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no part in it.
+stands in `pipeline/verification/verdict.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no part in it.
 """
 
 import argparse
@@ -23,12 +23,13 @@ from rich.table import Table
 from sklearn.linear_model import LogisticRegression
 
 import pipeline
-from pipeline import doubts, verdict
-from pipeline.analysis import analyse, read
-from pipeline.door import MeshFile
-from pipeline.mesh import FloatArray
-from pipeline.settings import Settings
-from pipeline.watch import silent
+from pipeline.analysis.mesh_analysis import analyse, read
+from pipeline.api import MeshFile
+from pipeline.core.mesh import FloatArray
+from pipeline.core.settings import Settings
+from pipeline.core.timing import silent
+from pipeline.verification import alternative_hypotheses as doubts
+from pipeline.verification import verdict
 from tests.accuracy import gauntlet, gauntlet_cases
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Condition, Spec

@@ -21,15 +21,15 @@ from rich.table import Table
 
 import pipeline
 from pipeline import Settings
-from pipeline.analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.timing import silent
 from pipeline.kernels import poses, rigid
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import k_nearest, nearest
-from pipeline.mesh import FloatArray, IndexArray, Mesh
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import LandmarkSet, landmarks
 from pipeline.stages.matching import fpfh
-from pipeline.watch import silent
 from tests import shapes
 from tests.accuracy.bench import read
 from tests.accuracy.gauntlet_cases import CONDITIONS, printed

@@ -13,9 +13,9 @@ import trimesh
 from rich.console import Console
 from rich.table import Table
 
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import DeviationSettings
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import Mesh
-from pipeline.settings import DeviationSettings
 from pipeline.stages.deviation import deviation, deviation_of_design
 from pipeline.stages.registration import fit
 from tests import shapes

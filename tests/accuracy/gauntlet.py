@@ -31,10 +31,10 @@ from rich.console import Console
 from rich.table import Table
 
 import pipeline
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.pose_search import TOLERANCE_SHARE, ScanPoints
+from pipeline.search.pose_search import TOLERANCE_SHARE, ScanPoints
 from tests.accuracy import gauntlet_cases, peers
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Case, Spec

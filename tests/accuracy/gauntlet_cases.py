@@ -48,10 +48,10 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import CleanSettings, ResampleSettings
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import CleanSettings, ResampleSettings
 from pipeline.stages.clean import clean
 from pipeline.stages.resample import resample, working_edge_mm
 from service import demo_arch

@@ -20,10 +20,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.settings import Settings
 from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import GeodesicSolver, density_rank
-from pipeline.mesh import FloatArray, IndexArray, Mesh
-from pipeline.settings import Settings
 from tests import shapes
 from tests.conftest import data_folder
 
@@ -66,8 +66,8 @@ def meshes() -> Iterator[tuple[str, Mesh]]:
     if data is None:
         yield from ((f"blob by formula, {levels} levels", shapes.bumpy_blob(levels)) for levels in (5, 6))
         return
+    from pipeline.core.settings import CleanSettings
     from pipeline.kernels import remesh
-    from pipeline.settings import CleanSettings
     from pipeline.stages.clean import clean
     from pipeline.stages.resample import working_edge_mm
     from tests.accuracy.bench import read

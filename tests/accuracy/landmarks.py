@@ -1,6 +1,6 @@
 """Are landmarks found again, where do they lie, and how long do they take? `make bench` prints tables.
 
-Repeatability as `pipeline/repeatability.py` defines it: 20 points a detector, found again within 1 % of the diagonal on
+Repeatability as `pipeline/studies/repeatability.py` defines it: 20 points a detector, found again within 1 % of the diagonal on
 an independent triangulation with noise of 0.1 % of the diagonal, whole and with 30 % cut off; the registration error is
 that of the pose from the detector's points alone. Shapes in the first group were looked at while the default was
 chosen; those in the second were not.
@@ -19,13 +19,13 @@ from rich.table import Table
 
 import pipeline
 from pipeline import Settings, StudySettings
-from pipeline.analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.core.results import RepeatabilityRow
+from pipeline.core.settings import Detector, LandmarksSettings
+from pipeline.core.timing import silent
 from pipeline.kernels.nearest import nearest
-from pipeline.outcome import RepeatabilityRow
-from pipeline.repeatability import repeatability, rows
-from pipeline.settings import Detector, LandmarksSettings
 from pipeline.stages.features import features
-from pipeline.watch import silent
+from pipeline.studies.repeatability import repeatability, rows
 from tests import shapes
 from tests.accuracy.bench import read
 from tests.accuracy.teeth import ARCHES, tooth_of_vertex

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import rigid, sampling
-from pipeline.mesh import FloatArray, Mesh
 
 SAMPLES = 40_000
 VOXEL_SHARE, KISS_VOXEL_SHARE = 0.02, 0.01  # of the diagonal

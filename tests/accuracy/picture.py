@@ -17,8 +17,8 @@ import trimesh
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
 
 SIZE = (900, 700)
 GREY = np.array([0.78, 0.77, 0.74])

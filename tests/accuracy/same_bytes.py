@@ -12,7 +12,7 @@ import tempfile
 from collections import defaultdict
 from pathlib import Path
 
-from pipeline.mesh import Mesh
+from pipeline.core.mesh import Mesh
 from tests.accuracy.bench import save
 from tests.accuracy.budgets import arches
 

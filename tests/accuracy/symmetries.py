@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import icp, rigid, sampling
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
 
 EXACT_RMS, EXACT_MAX = 0.00025, 0.003  # shares of the diagonal: a symmetry up to its triangulation
 APART = 0.02  # RMS displacement, share of the diagonal: nearer maps are one

@@ -21,8 +21,8 @@ from sklearn.metrics import adjusted_rand_score
 
 import pipeline
 from pipeline import Settings
-from pipeline.mesh import IndexArray
-from pipeline.settings import LoadSettings, SegmentationSettings
+from pipeline.core.mesh import IndexArray
+from pipeline.core.settings import LoadSettings, SegmentationSettings
 from pipeline.stages.load import load
 from tests.accuracy.bench import read
 from tests.conftest import data_folder

@@ -3,12 +3,12 @@
 import numpy as np
 
 from pipeline import Format
-from pipeline.design import Design, known
-from pipeline.mesh import Mesh
-from pipeline.settings import Settings
+from pipeline.analysis.design_model import Design, known
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import Settings
+from pipeline.core.timing import silent
 from pipeline.stages.clean import Cleaned
 from pipeline.stages.load import Loaded
-from pipeline.watch import silent
 
 
 def design_of(mesh: Mesh, settings: Settings) -> Design:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.colour_scale import BLUE, NOT_COUNTED, RED, ColourScale, round_up, table
+from pipeline.report.colormap import BLUE, NOT_COUNTED, RED, ColourScale, round_up, table
 
 
 def lightness(rgb: np.ndarray) -> np.ndarray:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline import doubts
-from pipeline.analysis import analyse
-from pipeline.margin import LOOSE_MARGIN
-from pipeline.mesh import Mesh
-from pipeline.verdict import CONFIDENCE, MOST_MARGIN, Case, evidence, judge, probability
-from pipeline.watch import silent
+from pipeline.analysis.mesh_analysis import analyse
+from pipeline.core.mesh import Mesh
+from pipeline.core.timing import silent
+from pipeline.search.score_ratio import LOOSE_MARGIN
+from pipeline.verification import alternative_hypotheses as doubts
+from pipeline.verification.verdict import CONFIDENCE, MOST_MARGIN, Case, evidence, judge, probability
 from tests import shapes
 from tests.pipeline.designs import design_of
 from tests.pipeline.test_verdict import QUICK, noisy

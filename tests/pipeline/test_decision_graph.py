@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import decision_graph, palette
-from pipeline.settings import SegmentationSettings
+from pipeline.core.settings import SegmentationSettings
+from pipeline.report import decision_graph, palette
 from pipeline.stages.segmentation import Segmentation
 
 

@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pipeline
-from pipeline import Settings, archive
-from pipeline.design import Kept, fingerprint, kept_design
-from pipeline.mesh import Mesh
+from pipeline import Settings
+from pipeline.analysis.design_model import Kept, fingerprint, kept_design
+from pipeline.core import archive
+from pipeline.core.mesh import Mesh
 from tests import shapes
 from tests.pipeline.designs import design_of
 from tests.pipeline.test_run import save, scanned

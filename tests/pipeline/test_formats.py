@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from pipeline import Format, detect_format
-from pipeline.errors import PipelineError
+from pipeline.core.errors import PipelineError
 
 #: What a head is made of again and again, and what ends it so that nothing fits.
 HOSTILE = {
@@ -34,7 +34,7 @@ HOSTILE = {
 LOOK = """
 import sys, time
 from pipeline import detect_format
-from pipeline.errors import PipelineError
+from pipeline.core.errors import PipelineError
 head = sys.stdin.buffer.read()
 begun = time.perf_counter()
 try:

@@ -9,8 +9,8 @@ import pytest
 
 import pipeline
 from pipeline import PipelineError
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid
-from pipeline.mesh import Mesh
 from tests import shapes
 from tests.pipeline.test_run import save, scanned
 from tests.pipeline.test_verdict import QUICK

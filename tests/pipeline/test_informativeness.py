@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pipeline import informativeness as study_module
-from pipeline import study_plots
-from pipeline.informativeness import (
+from pipeline.core.mesh import FloatArray, IndexArray
+from pipeline.core.results import Quantiles, RepeatabilityProtocol, RepeatabilityRow
+from pipeline.core.settings import Detector, StudySettings
+from pipeline.kernels import rigid
+from pipeline.studies import informativeness as study_module
+from pipeline.studies import plots as study_plots
+from pipeline.studies.informativeness import (
     Informativeness,
     Registered,
     in_words,
@@ -19,10 +23,6 @@ from pipeline.informativeness import (
     rows,
     write_trials,
 )
-from pipeline.kernels import rigid
-from pipeline.mesh import FloatArray, IndexArray
-from pipeline.outcome import Quantiles, RepeatabilityProtocol, RepeatabilityRow
-from pipeline.settings import Detector, StudySettings
 from tests import shapes
 
 BLOB = shapes.bumpy_blob(3).vertices + np.array([100.0, -50.0, 20.0])

@@ -12,12 +12,12 @@ import trimesh
 from PIL import Image
 
 import pipeline
-from pipeline.colour_scale import ColourScale
+from pipeline.core.mesh import Mesh
+from pipeline.core.results import MadeBy, Note, RegistrationResult
 from pipeline.kernels.remesh import MANY_FACES
-from pipeline.mesh import Mesh
-from pipeline.outcome import MadeBy, Note, RegistrationResult
-from pipeline.report_page import legend, views_of
-from pipeline.viewing import Light, write_glb
+from pipeline.report.colormap import ColourScale
+from pipeline.report.glb import Light, write_glb
+from pipeline.report.page import legend, views_of
 from tests.service.meshes import blob_stl
 from tests.shapes import icosphere
 
@@ -100,7 +100,7 @@ def test_the_page_is_whole_alone_and_says_what_the_results_say(made: tuple[Path,
 
 def test_words_from_outside_stay_words(tmp_path: Path) -> None:
     """A note with markup in it, as a file's own unit might bring in, is text on the page."""
-    from pipeline.report_page import _render
+    from pipeline.report.page import _render
 
     text = _render(
         *("<script>alert(1)</script>", [], [Note(code="x", detail="<img src=x onerror=y>")]),

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import sampling
 from pipeline.kernels.surface import Surface
-from pipeline.pose_search import ALIKE, Pose, Scan, scored
-from pipeline.settings import RegistrationSettings
+from pipeline.search.pose_search import ALIKE, Pose, Scan, scored
 from tests import shapes
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.mesh import Mesh
-from pipeline.render import AMBIENT, DOT_COLOUR, MARGIN, View, four_views, picture
+from pipeline.core.mesh import Mesh
+from pipeline.report.render import AMBIENT, DOT_COLOUR, MARGIN, View, four_views, picture
 from tests.shapes import box, icosphere, motion
 
 TOP = View.along("top", np.array([0.0, 0, 1]), np.array([0.0, 1, 0]))

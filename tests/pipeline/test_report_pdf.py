@@ -19,8 +19,8 @@ from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
 import pipeline
-from pipeline import report_pdf
-from pipeline.outcome import RegistrationResult
+from pipeline.core.results import RegistrationResult
+from pipeline.report import pdf as report_pdf
 from tests.pipeline.test_job_files import SMALL
 from tests.service.meshes import blob_stl
 
@@ -115,7 +115,7 @@ def test_the_same_page_gives_the_same_bytes_in_any_process(made: tuple[Path, Reg
     page, first = made[0] / "report.html", (made[0] / "report.pdf").read_bytes()
     again = page.with_name("again.pdf")
     assert report_pdf.write(page, again) == [] and again.read_bytes() == first
-    script = "import sys, pathlib; from pipeline.report_pdf import write; write(*map(pathlib.Path, sys.argv[1:]))"
+    script = "import sys, pathlib; from pipeline.report.pdf import write; write(*map(pathlib.Path, sys.argv[1:]))"
     elsewhere = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo", "SOURCE_DATE_EPOCH": "1"}
     subprocess.run([sys.executable, "-c", script, page, again], check=True, env=elsewhere)
     assert again.read_bytes() == first

@@ -13,8 +13,8 @@ import trimesh
 
 import pipeline
 from pipeline import MeshFile, Progress, Settings
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import rigid
-from pipeline.mesh import FloatArray, Mesh
 from tests import shapes
 from tests.closest_weights import closest_weights
 

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline import MeshFile, Progress, Settings, Stage, find_segments, palette
-from pipeline.errors import EmptyFile, NoSurface
+from pipeline import MeshFile, Progress, Settings, Stage, find_segments
+from pipeline.core.errors import EmptyFile, NoSurface
 from pipeline.kernels.clusterings import METHODS
+from pipeline.report import palette
 from tests import shapes
 
 PITCH_MM = 24.0  # farther apart than the 10 mm they measure: then even farthest points must tell them apart

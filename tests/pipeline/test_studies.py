@@ -8,12 +8,12 @@ import pytest
 
 import pipeline
 from pipeline import Settings
-from pipeline.errors import TooFewLandmarks
+from pipeline.core.errors import TooFewLandmarks
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import ResampleSettings, SegmentationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.repeatability import Condition, pairs_within, repeatability, rows, scanned
-from pipeline.settings import ResampleSettings, SegmentationSettings
+from pipeline.studies.repeatability import Condition, pairs_within, repeatability, rows, scanned
 from tests import shapes
 from tests.pipeline.test_run import save
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.analysis import Scales
+from pipeline.analysis.mesh_analysis import Scales
+from pipeline.analysis.symmetry_group import MOST_NEAR, SelfImages
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import FeaturesSettings, ResampleSettings, Settings
 from pipeline.kernels import rigid
-from pipeline.mesh import Mesh
-from pipeline.settings import FeaturesSettings, ResampleSettings, Settings
 from pipeline.stages.matching import corners
-from pipeline.symmetries import MOST_NEAR, SelfImages
 from tests import shapes
 from tests.pipeline.designs import design_of
 from tests.pipeline.test_verdict import cross

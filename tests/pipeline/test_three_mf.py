@@ -9,10 +9,11 @@ import trimesh
 from lxml import etree
 
 import pipeline
-from pipeline import MeshFile, three_mf
-from pipeline.job_files import _write_three_mf
-from pipeline.mesh import Mesh
-from pipeline.settings import LoadSettings
+from pipeline import MeshFile
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import LoadSettings
+from pipeline.report import three_mf
+from pipeline.report.artifacts import _write_three_mf
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.load import load
 from tests.pipeline.test_job_files import SMALL

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 import pipeline
-from pipeline import MeshFile, Settings, doubts
-from pipeline.analysis import analyse
+from pipeline import MeshFile, Settings
+from pipeline.analysis.mesh_analysis import analyse
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import FeaturesSettings, ResampleSettings
+from pipeline.core.timing import silent
 from pipeline.kernels import rigid
-from pipeline.mesh import Mesh
-from pipeline.settings import FeaturesSettings, ResampleSettings
 from pipeline.stages.landmarks import LandmarkSet
 from pipeline.stages.matching import Side, fpfh, with_matches
-from pipeline.watch import silent
+from pipeline.verification import alternative_hypotheses as doubts
 from tests import shapes
 from tests.pipeline.designs import design_of
 from tests.pipeline.test_run import save, scanned

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import average_geodesic
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray, Mesh
 from tests import shapes
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
+from pipeline.core.mesh import FloatArray
+from pipeline.core.settings import SegmentationMethod
 from pipeline.kernels import clusterings
-from pipeline.mesh import FloatArray
-from pipeline.settings import SegmentationMethod
 
 ALL = sorted(clusterings.METHODS)
 SIZES = (50, 80, 65)

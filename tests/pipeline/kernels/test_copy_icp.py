@@ -5,9 +5,9 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import copy_icp, rigid
 from pipeline.kernels.copy_icp import CopyIcp
-from pipeline.mesh import FloatArray
 from tests import shapes
 
 LIBRARY, CONVERGED = range(2)

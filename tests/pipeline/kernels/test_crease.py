@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import crease
 from pipeline.kernels.diffusion import diffused
 from pipeline.kernels.geodesics import GeodesicSolver, edge_lengths
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

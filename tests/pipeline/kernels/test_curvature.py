@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import curvature
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

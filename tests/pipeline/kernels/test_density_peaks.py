@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
 from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import density_rank
-from pipeline.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
 
 def clouds(*centres: tuple[float, float], count: int = 60, seed: int = 0) -> FloatArray:

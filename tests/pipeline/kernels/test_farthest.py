@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels.farthest import Spread, farthest_points
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pygeodesic import geodesic as pygeodesic
 
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels.geodesics import GeodesicSolver, density_rank, edge_lengths, rounded
 from pipeline.kernels.sampling import farthest
-from pipeline.mesh import FloatArray, Mesh
 from tests import shapes
 
 

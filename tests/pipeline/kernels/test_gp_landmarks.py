@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import gp_landmarks
-from pipeline.mesh import FloatArray
 from tests import shapes
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import curvature, heat_kernel
 from pipeline.kernels.heat_kernel import Spectrum
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.similarity import stretch, warp_mm
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray
 from tests import shapes
 
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels.native import core
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray
 from tests import shapes
 from tests.closest_weights import closest_weights
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.visibility import Views
-from pipeline.mesh import Mesh
 from tests import shapes
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline import errors
+from pipeline.core import errors
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import CleanSettings
 from pipeline.kernels import topology
 from pipeline.kernels.rows import group_rows
-from pipeline.mesh import Mesh
-from pipeline.settings import CleanSettings
 from pipeline.stages.clean import Cleaned, clean
 from tests import shapes
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import Detector, FeaturesSettings
 from pipeline.stages.detectors import COMPETITORS, Candidates, Scene
 from pipeline.stages.features import features
 from tests import shapes

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.results import DesignDeviation, Deviation
+from pipeline.core.settings import DeviationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.outcome import DesignDeviation, Deviation
-from pipeline.settings import DeviationSettings
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design, side_of, weighted_quantiles
 from pipeline.stages.registration import fit
 from tests import shapes

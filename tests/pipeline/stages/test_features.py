@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import FeaturesSettings
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import FeaturesSettings
 from pipeline.stages.features import features
 from tests import shapes
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import f as f_distribution
 
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import LandmarksSettings, SegmentationSettings, Settings
 from pipeline.kernels import peaks
-from pipeline.mesh import FloatArray, Mesh
-from pipeline.settings import LandmarksSettings, SegmentationSettings, Settings
 from pipeline.stages.features import Features, features
 from pipeline.stages.geodesics import geodesics
 from pipeline.stages.landmarks import LandmarkSet, hotelling_t2, landmarks, scaled, strongest_apart, t2_limit, t2_scores

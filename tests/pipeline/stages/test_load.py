@@ -10,8 +10,9 @@ import pytest
 import trimesh
 
 import pipeline
-from pipeline import MeshFile, errors
-from pipeline.settings import LoadSettings, Unit
+from pipeline import MeshFile
+from pipeline.core import errors
+from pipeline.core.settings import LoadSettings, Unit
 from pipeline.stages.load import Loaded, load
 from tests import shapes
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import ResampleSettings
 from pipeline.kernels import topology
 from pipeline.kernels.surface import Surface
-from pipeline.mesh import Mesh
-from pipeline.settings import ResampleSettings
 from pipeline.stages.resample import nearest_vertices, resample, working_edge_mm
 from tests import shapes
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.errors import ComponentsTooSmall
+from pipeline.core.errors import ComponentsTooSmall
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import GeodesicsSettings, SegmentationSettings
 from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import density_rank, rounded
-from pipeline.mesh import Mesh
-from pipeline.settings import GeodesicsSettings, SegmentationSettings
 from pipeline.stages.geodesics import Geodesics, geodesics
 from pipeline.stages.segmentation import Segmentation, segment
 from tests import shapes

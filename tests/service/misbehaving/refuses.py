@@ -1,6 +1,6 @@
 """A mesh that cannot be used, as the pipeline says it."""
 
-from pipeline.errors import TruncatedFile
+from pipeline.core.errors import TruncatedFile
 
 
 def preload() -> None:

@@ -1,0 +1,200 @@
+"""The door's verbs. Kept apart from `run.py` so that importing the door does not import the heavy libraries."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.core.progress import OnProgress, ignore
+from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
+from pipeline.core.settings import Detector, Settings, StudyKind, Unit
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """A mesh on disk. `filename` is what the user called it (format hint only), `unit` what its numbers mean."""
+
+    path: Path
+    unit: Unit = "auto"
+    filename: str | None = None
+
+
+def register(
+    design: MeshFile | Path | str,
+    scan: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    tolerance_mm: float | None = None,
+    seed: int = 0,
+    out: Path | str | None = None,
+    design_cache: Path | str | None = None,
+    on_progress: OnProgress = ignore,
+) -> RegistrationResult:
+    """Find `T_design_scan`, the motion that puts the scan on its design, and say how far it can be trusted.
+
+    Parameters
+    ----------
+    design, scan : files; the design must have triangles, the scan may be points
+    tolerance_mm : > 0, for `deviation.within / above / below`; None leaves them null. It also says how certain the pose must
+        be: `under_constrained` when a motion is less certain (one sigma); None: `registration.free_motion_share`.
+    seed : of every random draw; the same seed, files and settings give the same bytes
+    out : folder for results.json and the files it lists; None writes nothing and `files` is empty
+    design_cache : file where the analysis of the design is kept for its next scan; made when it is not there, or is of
+        another design, other settings or another version. Results are the same with and without.
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When there can be no result: the file is unreadable or has no usable surface. "No pose found" is a
+        result: `verdict.status == "no_match"`, `transform is None`.
+    ValueError
+        When `tolerance_mm` is not above 0.
+    """
+    if tolerance_mm is not None and not 0 < tolerance_mm < float("inf"):
+        raise ValueError(f"tolerance_mm is {tolerance_mm}; it must be above 0")
+    from pipeline.workflows.registration import run_registration  # here, so that the API can import the door cheaply
+
+    return run_registration(
+        _mesh_file(design),
+        _mesh_file(scan),
+        settings=settings or Settings(),
+        tolerance_mm=tolerance_mm,
+        seed=seed,
+        out=None if out is None else Path(out),
+        design_cache=None if design_cache is None else Path(design_cache),
+        on_progress=on_progress,
+    )
+
+
+def find_segments(
+    mesh: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> SegmentsResult:
+    """Cut one mesh into segments, by density peaks or by what `settings.segmentation.method` says.
+
+    Parameters
+    ----------
+    mesh : a file with triangles
+    out : folder for mesh.segments.ply (coloured by segment, halo pale), mesh.vertices.csv, mesh.decision_graph.svg
+        and results.json; None writes nothing and `files` is empty
+    seed : of the draws of some methods; the same seed, file and settings give the same bytes
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable, has no usable surface, or only pieces too small to have a centre.
+    """
+    from pipeline.workflows.registration import run_segments
+
+    return run_segments(
+        _mesh_file(mesh),
+        settings=settings or Settings(),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def find_landmarks(
+    mesh: MeshFile | Path | str,
+    *,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> LandmarksResult:
+    """Segments and landmarks of one mesh, by T^2 or by what `settings.landmarks.detector` says.
+
+    Parameters
+    ----------
+    mesh : a file with triangles
+    out : folder for landmarks.csv, mesh.clean.ply, mesh.vertices.csv, mesh.segments.ply, mesh.decision_graph.svg and
+        results.json; None writes nothing and `files` is empty
+    seed : of the draws of some detectors; the same seed, file and settings give the same bytes
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable, has no usable surface, or only pieces too small to have a centre. "Nothing to
+        mark" is a result: no landmarks, and the warning `no_landmarks`.
+    """
+    from pipeline.workflows.registration import run_landmarks
+
+    return run_landmarks(
+        _mesh_file(mesh),
+        settings=settings or Settings(),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def study(
+    mesh: MeshFile | Path | str,
+    *,
+    kind: StudyKind | None = None,
+    trials: int | None = None,
+    detectors: Sequence[Detector] | None = None,
+    noise_mm: float | None = None,
+    eps: float | None = None,
+    settings: Settings | None = None,
+    out: Path | str | None = None,
+    seed: int = 0,
+    on_progress: OnProgress = ignore,
+) -> StudyResult:
+    """Do landmarks carry what registration needs (`informativeness`, the paper's protocol), and are they found again
+    on another mesh of the same shape (`repeatability`)?
+
+    Parameters
+    ----------
+    mesh : a file with triangles
+    kind, trials, detectors, noise_mm, eps : over `settings.study`, where each is described; None leaves it
+    out : folder for results.json, trials.csv and study.svg; None writes nothing and `files` is empty
+    seed : of every trial's draw; the same seed, file and settings give the same bytes, whatever the number of processors
+    on_progress : called with each `Progress`, in order
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable or has no usable surface, or no detector gives three points.
+    """
+    from pipeline.workflows.registration import run_study
+
+    settings = settings or Settings()
+    asked = {"kind": kind, "trials": trials, "detectors": detectors, "noise_mm": noise_mm, "eps": eps}
+    section = settings.study.model_dump() | {key: value for key, value in asked.items() if value is not None}
+    return run_study(
+        _mesh_file(mesh),
+        settings=Settings.model_validate(settings.model_dump() | {"study": section}),
+        seed=seed,
+        out=None if out is None else Path(out),
+        on_progress=on_progress,
+    )
+
+
+def preload() -> None:
+    """Import everything a job needs, so that a process forked from this one starts at once.
+
+    Raises
+    ------
+    RuntimeError
+        When a library or one of the pymeshlab filters in use is missing (a missing `libopengl0` does that).
+    """
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure
+
+    from pipeline.kernels import remesh
+    from pipeline.workflows import registration as run
+
+    del run, matplotlib
+    remesh.assert_filters()
+
+
+def _mesh_file(given: MeshFile | Path | str) -> MeshFile:
+    return given if isinstance(given, MeshFile) else MeshFile(Path(given), filename=Path(given).name)

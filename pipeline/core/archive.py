@@ -1,0 +1,118 @@
+"""Frozen records of arrays in one file and back. No pickles: reading it runs nothing, whoever wrote it."""
+
+import dataclasses
+import json
+import os
+import types
+import typing
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel
+
+from pipeline.core.errors import PipelineError
+from pipeline.core.mesh import Mesh
+
+Record = TypeVar("Record")
+_META = "meta"
+#: What numpy, zipfile and json raise at bytes that are not what they should be.
+_DAMAGE = (
+    *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, PipelineError),
+)
+_SCALARS = (str, int, float, bool, type(None))
+
+
+class NotAnArchive(ValueError):
+    """The file is not one that `write` made of such a record, or it is damaged."""
+
+
+def write(path: Path, record: Any) -> None:
+    """record : a dataclass of arrays, meshes, numbers, words, pydantic models, bytes, and tuples, dicts and dataclasses of
+    these. Appears under its name all at once.
+    """
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    meta = _taken(record, "r", arrays)
+    arrays[_META] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
+    passing = path.with_name(f"{path.name}.{os.getpid()}.part")  # two workers may meet the same design at once
+    with passing.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+    passing.replace(path)
+
+
+def read(path: Path, kind: type[Record]) -> Record:
+    """The record that `write` put there.
+
+    Raises
+    ------
+    NotAnArchive
+    FileNotFoundError
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            meta = json.loads(bytes(arrays[_META]))
+            made: Record = _given(kind, meta, "r", arrays)
+            return made
+    except FileNotFoundError:
+        raise
+    except _DAMAGE as error:
+        raise NotAnArchive(f"{path.name}: {error}") from error
+
+
+def _taken(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+    """What of `value` goes to the JSON; its arrays go to `arrays` under keys that start with `key`."""
+    if isinstance(value, np.ndarray):
+        arrays[key] = value
+        return None
+    if isinstance(value, bytes):
+        arrays[key] = np.frombuffer(value, dtype=np.uint8)
+        return None
+    if isinstance(value, Mesh):
+        arrays[f"{key}.vertices"], arrays[f"{key}.faces"] = value.vertices, value.faces
+        return None
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        return {name: _taken(getattr(value, name), f"{key}.{name}", arrays) for name in names}
+    if isinstance(value, tuple):
+        return [_taken(each, f"{key}.{number}", arrays) for number, each in enumerate(value)]
+    if isinstance(value, dict):
+        return {name: _taken(each, f"{key}/{name}", arrays) for name, each in value.items()}
+    if isinstance(value, _SCALARS):
+        return value
+    raise TypeError(f"{key}: a {type(value).__name__} has no place in an archive")
+
+
+def _given(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
+    """The value of type `kind` that `_taken` took apart."""
+    origin = typing.get_origin(kind)
+    if origin in (types.UnionType, typing.Union):
+        (kind,) = (each for each in typing.get_args(kind) if each is not type(None))
+        is_none = meta is None and not any(name == key or name.startswith(f"{key}.") for name in arrays.files)
+        return None if is_none else _given(kind, meta, key, arrays)
+    if origin is np.ndarray:
+        return arrays[key]
+    if origin is tuple:
+        return tuple(
+            _given(typing.get_args(kind)[0], each, f"{key}.{number}", arrays) for number, each in enumerate(meta)
+        )
+    if origin is dict:
+        return {name: _given(typing.get_args(kind)[1], each, f"{key}/{name}", arrays) for name, each in meta.items()}
+    if kind is bytes:
+        return arrays[key].tobytes()
+    if kind is Mesh:
+        return Mesh(arrays[f"{key}.vertices"], arrays[f"{key}.faces"])
+    if issubclass(kind, BaseModel):
+        return kind.model_validate(meta)
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        names = [field.name for field in dataclasses.fields(kind)]
+        make: Any = kind
+        return make(**{name: _given(hints[name], meta[name], f"{key}.{name}", arrays) for name in names})
+    if not isinstance(meta, kind) and not (kind is float and isinstance(meta, int)):
+        raise TypeError(f"{key}: {meta!r} is no {kind.__name__}")
+    return kind(meta)

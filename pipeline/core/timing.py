@@ -1,0 +1,79 @@
+"""Time and progress around each stage, so that the stages know of neither."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from pipeline.core.progress import OnProgress, Progress, Stage, ignore
+
+# What each passage through a stage takes of a job's time, in percent, measured on arches. A registration passes
+# through the stages from load to matching twice, and through report twice (files, then the page): one story sums to 100.
+REGISTRATION: dict[Stage, float] = {
+    Stage.LOAD: 1.5,
+    Stage.CLEAN: 2,
+    Stage.RESAMPLE: 6,
+    Stage.GEODESICS: 4,
+    Stage.SEGMENTATION: 5,
+    Stage.FEATURES: 3,
+    Stage.LANDMARKS: 1.5,
+    Stage.MATCHING: 13,
+    Stage.REGISTRATION: 18,
+    Stage.DEVIATION: 4,
+    Stage.REPORT: 3,
+}
+SEGMENTS: dict[Stage, float] = {
+    Stage.LOAD: 5,
+    Stage.CLEAN: 8,
+    Stage.RESAMPLE: 27,
+    Stage.GEODESICS: 20,
+    Stage.SEGMENTATION: 25,
+    Stage.REPORT: 15,  # once: it writes no page
+}
+LANDMARKS: dict[Stage, float] = {
+    Stage.LOAD: 4,
+    Stage.CLEAN: 6,
+    Stage.RESAMPLE: 22,
+    Stage.GEODESICS: 12,
+    Stage.SEGMENTATION: 26,
+    Stage.FEATURES: 14,
+    Stage.LANDMARKS: 6,
+    Stage.REPORT: 5,
+}
+STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Stage.REPORT: 1}
+
+
+class Watch:
+    """`with watch.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by what
+    `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
+    """
+
+    def __init__(self, on_progress: OnProgress, shares: dict[Stage, float]) -> None:
+        self._on_progress = on_progress
+        self._shares = shares
+        self._done = 0.0
+        self._seconds: dict[Stage, float] = {}
+
+    @contextmanager
+    def stage(self, stage: Stage, mesh: str | None = None) -> Iterator[None]:
+        message = f"{stage.value}: {mesh}" if mesh else stage.value
+        self._on_progress(Progress(stage, self._done, message))
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds[stage] = self._seconds.get(stage, 0.0) + time.perf_counter() - start
+        self._done = min(100.0, self._done + self._shares[stage])
+
+    def within(self, stage: Stage, share: float, message: str) -> None:
+        """Tell how far a long stage has come: `share` of it in [0, 1]. Call it inside `with self.stage(stage)`."""
+        percent = self._done + min(max(share, 0.0), 1.0) * self._shares[stage]
+        self._on_progress(Progress(stage, min(100.0, percent), f"{stage.value}: {message}"))
+
+    def timings_s(self) -> dict[str, float]:
+        """Seconds by stage, both meshes together, in the order the stages ran."""
+        return {stage.value: round(seconds, 4) for stage, seconds in self._seconds.items()}
+
+
+def silent() -> Watch:
+    """For stages inside a study, whose own progress is told by trials."""
+    return Watch(ignore, dict.fromkeys(Stage, 0.0))

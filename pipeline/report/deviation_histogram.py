@@ -1,0 +1,59 @@
+"""The picture of all deviations, `deviation_histogram.svg`: share of the scanned area by signed distance, in the colours of
+the other files. matplotlib is imported when it is drawn, its object interface only.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.mesh import FloatArray
+from pipeline.core.results import Deviation
+from pipeline.report.colormap import ColourScale
+
+BINS = 81  # odd: one stands on zero
+SIZE_INCH = (7.2, 3.2)
+MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
+
+
+def write(path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale) -> None:
+    """weights : (n,) area of each counted vertex, 0 for the others"""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams["svg.hashsalt"] = "cusp"
+        figure = Figure(figsize=SIZE_INCH)
+        axes = figure.subplots(gridspec_kw=MARGINS)
+        edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)
+        inside = np.clip(signed_mm, edges[0], edges[-1])  # what lies beyond stands in the last bars
+        share, _ = np.histogram(inside, edges, weights=weights)
+        middles = (edges[:-1] + edges[1:]) / 2
+        colours = scale.colours(middles)
+        axes.bar(middles, 100 * share / weights.sum(), np.diff(edges), color=colours, edgecolor="0.35", linewidth=0.3)
+        for position, words in ((summary.p05_mm, "5 %"), (summary.p50_mm, "median"), (summary.p95_mm, "95 %")):
+            if abs(position) < scale.limit_mm:
+                axes.axvline(position, color="0.2", linewidth=0.8, linestyle=":")
+                axes.annotate(
+                    words,
+                    (position, 0.985),
+                    xycoords=("data", "axes fraction"),
+                    rotation=90,
+                    fontsize=7,
+                    va="top",
+                    ha="right",
+                )
+        if scale.tolerance_mm is not None:
+            for side in (-1, 1):
+                axes.axvline(side * scale.tolerance_mm, color="black", linewidth=1.0)
+        axes.set_xlim(edges[0], edges[-1])
+        axes.set_xlabel("deviation [mm]: < 0 material is missing, > 0 too much")
+        axes.set_ylabel("share of the area [%]")
+        axes.set_title(
+            f"mean {summary.mean_mm:+.3f} mm, SD {summary.sd_mm:.3f} mm, RMS {summary.rms_mm:.3f} mm",
+            loc="left",
+            fontsize=10,
+        )
+        axes.grid(True, axis="y", color="0.9", linewidth=0.6)
+        axes.set_axisbelow(True)
+        figure.savefig(path, format="svg", metadata={"Date": None})

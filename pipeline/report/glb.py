@@ -1,0 +1,95 @@
+"""glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the vertices."""
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
+from pipeline.kernels import remesh
+from pipeline.kernels.nearest import nearest
+
+M_PER_MM = 1e-3
+BALL_SHARE = 0.006  # radius of a landmark's ball, of the diagonal
+BALL_COLOUR = (25, 25, 25)
+NOT_COUNTED = 1e31  # glTF has no NaN
+
+
+class Light:
+    """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made when first
+    asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
+    """
+
+    def __init__(self, full: Mesh, light: Mesh | None = None) -> None:
+        self.full = full
+        self._light = light
+        self._unmoved: tuple[Light, FloatArray] | None = None
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        if self.full.is_cloud or len(self.full.faces) <= remesh.MANY_FACES:
+            return self.full
+        if self._unmoved is not None:
+            unmoved, T_here_unmoved = self._unmoved
+            return unmoved.mesh.moved(T_here_unmoved)
+        return remesh.decimated(self.full, remesh.MANY_FACES // 2) if self._light is None else self._light
+
+    @cached_property
+    def _of_full(self) -> IndexArray | None:
+        if self._unmoved is not None:
+            return self._unmoved[0]._of_full
+        return None if self.mesh is self.full else nearest(self.full.vertices, self.mesh.vertices)[1]
+
+    def values(self, of_full: FloatArray) -> FloatArray:
+        """(k, ...) for each vertex that is shown the value (n, ...) of the nearest one of the full mesh."""
+        return of_full if self._of_full is None else of_full[self._of_full]
+
+    def moved(self, T_target_mesh: FloatArray) -> "Light":
+        """The same in another frame."""
+        other = Light(self.full.moved(T_target_mesh))
+        other._unmoved = self, T_target_mesh
+        return other
+
+
+def write_glb(
+    path: Path,
+    light: Light,
+    colours: FloatArray,
+    marks_mm: FloatArray | None = None,
+    deviation_mm: FloatArray | None = None,
+) -> None:
+    """One node `surface`, and one `landmarks` of small balls where `marks_mm` is given.
+
+    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`, `NOT_COUNTED` for NaN
+    """
+    import trimesh
+
+    if deviation_mm is not None:
+        colours = np.column_stack([colours, np.nan_to_num(deviation_mm, nan=NOT_COUNTED)])
+    mesh, colours = light.mesh, light.values(colours)
+    extra = {} if deviation_mm is None else {"_DEVIATION_MM": colours[:, 3].astype(np.float32)}
+    colours = colours[:, :3]
+    painted = np.column_stack([np.rint(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
+    vertices = mesh.vertices * M_PER_MM
+    scene = trimesh.Scene()
+    if mesh.is_cloud:
+        scene.add_geometry(trimesh.PointCloud(vertices, colors=painted), node_name="surface", geom_name="surface")
+    else:
+        shape = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=painted, vertex_attributes=extra, process=False)
+        scene.add_geometry(shape, node_name="surface", geom_name="surface")
+    if marks_mm is not None and len(marks_mm):
+        balls = _balls(marks_mm, BALL_SHARE * mesh.diagonal_mm)
+        scene.add_geometry(balls, node_name="landmarks", geom_name="landmarks")
+    path.write_bytes(scene.export(file_type="glb"))
+
+
+def _balls(centres_mm: FloatArray, radius_mm: float) -> Any:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=radius_mm)
+    vertices = (centres_mm[:, None, :] + ball.vertices[None]).reshape(-1, 3) * M_PER_MM
+    steps = np.arange(len(centres_mm))[:, None, None] * len(ball.vertices)
+    faces: IntArray = (ball.faces[None] + steps).reshape(-1, 3).astype(np.int32)
+    colours = np.tile(np.array([*BALL_COLOUR, 255], dtype=np.uint8), (len(vertices), 1))
+    return trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)

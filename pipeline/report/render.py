@@ -1,0 +1,155 @@
+"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded by numpy."""
+
+import io
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+
+from pipeline.core.mesh import FloatArray, Mesh
+
+BACKGROUND = 1.0
+AMBIENT = 0.35
+MARGIN = 1.06
+OVERSAMPLE = 2  # rays a pixel, along each side
+POINT_PX = 3
+DOT_PX = 3.5  # radius of a mark
+DOT_COLOUR = np.array([0.08, 0.08, 0.08])
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """An orthographic look. rows of `axes` : right, up, and towards the eye, orthonormal"""
+
+    name: str
+    axes: FloatArray
+
+    @classmethod
+    def along(cls, name: str, towards_eye: FloatArray, up: FloatArray) -> "View":
+        z = towards_eye / np.linalg.norm(towards_eye)
+        x = np.cross(up, z)
+        x = x / np.linalg.norm(x)
+        return cls(name, np.stack([x, np.cross(z, x), z]))
+
+
+def four_views(mesh: Mesh) -> list[View]:
+    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the file's."""
+    weights = mesh.weights()
+    centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
+    _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))
+    flat, middle, long = axes.T  # ascending
+    flat, middle = (axis * np.sign(axis[np.abs(axis).argmax()]) for axis in (flat, middle))
+    long = np.cross(middle, flat)
+    return [
+        View.along("from above", flat, middle),
+        View.along("from below", -flat, middle),
+        View.along("oblique, front", 0.55 * flat - 0.8 * middle + 0.3 * long, flat),
+        View.along("oblique, back", 0.55 * flat + 0.8 * middle - 0.3 * long, flat),
+    ]
+
+
+def picture(
+    mesh: Mesh,
+    colours: FloatArray,
+    view: View,
+    frame: FloatArray,
+    width: int,
+    height: int,
+    *,
+    marks_mm: FloatArray | None = None,
+) -> bytes:
+    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture; marks_mm : (m, 3)
+    points on the surface, dots where they are not hidden"""
+    seen = frame @ view.axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    centre = (low + high) / 2
+    mm_per_px = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height, 1e-9)
+    if mesh.is_cloud:
+        image = _splatted(mesh.vertices @ view.axes.T, colours, centre, mm_per_px, width, height)
+    else:
+        image = _traced(mesh, colours, view, centre, high[2] + 1.0, mm_per_px, width, height, marks_mm)
+    return png(image)
+
+
+def png(image: FloatArray) -> bytes:
+    """image : (h, w, 3) in [0, 1]"""
+    from PIL import Image  # with matplotlib, when a picture is drawn
+
+    stream = io.BytesIO()
+    Image.fromarray(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)).save(stream, "PNG", optimize=False)
+    return stream.getvalue()
+
+
+def _traced(
+    mesh: Mesh,
+    colours: FloatArray,
+    view: View,
+    centre: FloatArray,
+    near: float,
+    mm_per_px: float,
+    width: int,
+    height: int,
+    marks_mm: FloatArray | None,
+) -> FloatArray:
+    w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
+    x = (np.arange(w, dtype=np.float32) - (w - 1) / 2) * step + centre[0]
+    y = centre[1] - (np.arange(h, dtype=np.float32) - (h - 1) / 2) * step
+    axes = view.axes.astype(np.float32)
+    rays = np.empty((h, w, 6), dtype=np.float32)
+    rays[..., :3] = x[None, :, None] * axes[0] + y[:, None, None] * axes[1] + near * axes[2]
+    rays[..., 3:] = -axes[2]
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
+    )
+    hit = scene.cast_rays(o3d.core.Tensor(rays))  # each answer is its own: threads change none
+    distance = hit["t_hit"].numpy().ravel()
+    found = np.flatnonzero(np.isfinite(distance))
+    face, uv = hit["primitive_ids"].numpy().ravel()[found], hit["primitive_uvs"].numpy().reshape(-1, 2)[found]
+    normal = hit["primitive_normals"].numpy().reshape(-1, 3)[found]  # of unit length
+    corners, painted = mesh.faces[face], colours.astype(np.float32)
+    u, v = uv[:, 0], uv[:, 1]
+    light = AMBIENT + (1 - AMBIENT) * np.abs(
+        normal[:, 0] * axes[2, 0] + normal[:, 1] * axes[2, 1] + normal[:, 2] * axes[2, 2]
+    )
+    colour = np.empty((3, len(found)), dtype=np.float32)  # a channel at a time: numpy is slow along rows of three
+    for channel, of_vertices in zip(colour, painted.T.copy(), strict=True):
+        channel[:] = of_vertices[corners[:, 0]] * (1 - u - v)
+        channel += of_vertices[corners[:, 1]] * u
+        channel += of_vertices[corners[:, 2]] * v
+        channel *= light
+    image = np.full((3, h * w), BACKGROUND, dtype=np.float32)
+    image[:, found] = colour
+    if marks_mm is not None and len(marks_mm):
+        left, top = float(x[0]), float(y[0])
+        reach, radius_mm = int(np.ceil(DOT_PX * OVERSAMPLE)) + 1, DOT_PX * mm_per_px
+        depth = distance.reshape(h, w)
+        for mark in marks_mm @ view.axes.T:
+            column, row = round((mark[0] - left) / step), round((top - mark[1]) / step)
+            rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
+            columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
+            # The surface point under a ray is a dot where the mark is near it: hidden marks stay hidden.
+            apart = np.hypot(*np.meshgrid(x[columns] - mark[0], y[rows] - mark[1]))
+            near_mark = np.hypot(apart, near - depth[rows, columns] - mark[2]) <= radius_mm
+            image.reshape(3, h, w)[:, rows, columns][:, near_mark] = DOT_COLOUR[:, None]
+    quads = image.reshape(3, height, OVERSAMPLE, width, OVERSAMPLE)
+    total = np.zeros((3, height, width), dtype=np.float32)
+    for i, j in np.ndindex(OVERSAMPLE, OVERSAMPLE):
+        total += quads[:, :, i, :, j]
+    return np.asarray(np.moveaxis(total / OVERSAMPLE**2, 0, -1), dtype=np.float64)
+
+
+def _splatted(
+    seen: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
+) -> FloatArray:
+    image = np.full((height, width, 3), BACKGROUND)
+    order = np.argsort(seen[:, 2], kind="stable")  # the nearest are painted last
+    column = np.rint((seen[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
+    row = np.rint((centre[1] - seen[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+    half = POINT_PX // 2
+    for down in range(-half, half + 1):
+        for across in range(-half, half + 1):
+            r, c = row + down, column + across
+            inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+            image[r[inside], c[inside]] = colours[order][inside]
+    return image

@@ -1,0 +1,92 @@
+"""Write the files of a job: meshes, tables, results.json. The same input gives the same bytes."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.results import Landmark, Match
+from pipeline.stages.segmentation import Segmentation
+
+VERTEX_COLUMNS = ("vertex", "x_mm", "y_mm", "z_mm", "segment", "halo", "rho", "delta", "t2", "landmark")
+LANDMARK_COLUMNS = (
+    *("mesh", "id", "vertex", "x_mm", "y_mm", "z_mm", "nx", "ny", "nz"),
+    *("segment", "t2", "strength", "matched_to"),
+)
+
+
+def write_mesh(path: Path, mesh: Mesh, colours: FloatArray | None = None) -> None:
+    """Binary PLY in double precision: the vertices are exactly those that results index.
+
+    colours : (n, 3) red, green, blue in [0, 1], or none in the file
+    """
+    vertices = o3d.utility.Vector3dVector(np.array(mesh.vertices))
+    painted = o3d.utility.Vector3dVector(np.zeros((0, 3)) if colours is None else colours)
+    if mesh.is_cloud:
+        cloud = o3d.geometry.PointCloud(vertices)
+        cloud.colors = painted
+        written = o3d.io.write_point_cloud(str(path), cloud)
+    else:
+        faces = o3d.utility.Vector3iVector(np.array(mesh.faces))
+        shape = o3d.geometry.TriangleMesh(vertices, faces)
+        shape.vertex_colors = painted
+        written = o3d.io.write_triangle_mesh(str(path), shape, write_vertex_normals=False)
+    if not written:
+        raise OSError(f"{path.name} could not be written")
+
+
+def write_vertices(
+    path: Path,
+    mesh: Mesh,
+    working_of_clean: IndexArray,
+    segmentation: Segmentation,
+    t2: FloatArray | None = None,
+    landmark_vertices: IndexArray | None = None,
+) -> None:
+    """One row a vertex of `mesh`, the cleaned one, in its own frame; values from the nearest surface point of the
+    working mesh. Where no landmarks were looked for (`t2` and `landmark_vertices` None), t2 and landmark are 0.
+    """
+    t2 = np.zeros(len(segmentation.labels)) if t2 is None else t2
+    marked = np.zeros(len(working_of_clean), dtype=np.int64)
+    if landmark_vertices is not None:
+        marked[landmark_vertices] = 1
+    # Numbers as `csv` writes them, but each vertex of the working mesh once: a scan has a hundred for each of those.
+    columns = (segmentation.labels, segmentation.halo.astype(int), segmentation.rho, segmentation.delta, t2)
+    found = [
+        f"{segment},{halo},{rho!r},{delta!r},{t!r}"
+        for segment, halo, rho, delta, t in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    rows = zip(mesh.vertices.tolist(), working_of_clean.tolist(), marked.tolist(), strict=True)
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        stream.write(",".join(VERTEX_COLUMNS) + "\n")
+        stream.writelines(
+            f"{vertex},{x!r},{y!r},{z!r},{found[working]},{mark}\n"
+            for vertex, ((x, y, z), working, mark) in enumerate(rows)
+        )
+
+
+def write_landmarks(path: Path, landmarks: Mapping[str, Sequence[Landmark]], matches: Sequence[Match] = ()) -> None:
+    """All landmarks by mesh, each in its own mesh's frame; `matched_to` is the id on the other mesh."""
+    partners = {
+        "design": {match.design: match.scan for match in matches},
+        "scan": {match.scan: match.design for match in matches},
+    }
+    rows = [_row(mesh, each, partners.get(mesh, {})) for mesh, found in landmarks.items() for each in found]
+    _write_csv(path, LANDMARK_COLUMNS, rows)
+
+
+def _row(mesh: str, landmark: Landmark, matched_to: dict[int, int]) -> tuple[object, ...]:
+    return (
+        *(mesh, landmark.id, landmark.vertex, *landmark.position_mm, *landmark.normal),
+        *(landmark.segment, landmark.t2, landmark.strength, matched_to.get(landmark.id, "")),
+    )
+
+
+def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)

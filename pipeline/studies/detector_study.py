@@ -1,0 +1,123 @@
+"""The two studies on one mesh, behind one function: who marks it, what is counted, which files tell of it.
+
+`informativeness` (`pipeline/studies/informativeness.py`) is the paper's protocol on a shape and its own copy; `repeatability`
+(`pipeline/studies/repeatability.py`) asks what matters on a factory floor: is a landmark found again on another mesh?
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.core.errors import TooFewLandmarks
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.results import (
+    InformativenessProtocol,
+    InformativenessRow,
+    Note,
+    RepeatabilityProtocol,
+    RepeatabilityRow,
+)
+from pipeline.core.settings import Detector, Settings
+from pipeline.core.timing import silent
+from pipeline.stages.features import features
+from pipeline.stages.landmarks import landmarks
+from pipeline.studies import informativeness as paper
+from pipeline.studies import plots as study_plots
+from pipeline.studies import repeatability as again
+
+T2: Detector = "t2"
+MIN_POINTS = 3  # a rigid motion needs so many
+
+OnShare = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Studied:
+    """Fields of `outcome.StudyResult`, and `write(folder)`, which writes trials.csv and study.svg."""
+
+    protocol: InformativenessProtocol | RepeatabilityProtocol
+    informativeness: list[InformativenessRow] | None
+    repeatability: list[RepeatabilityRow] | None
+    summary: str
+    write: Callable[[Path], None]
+    warnings: tuple[Note, ...]
+
+
+def study(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
+    """The study that `settings.study` describes, on the cleaned `mesh`.
+
+    Raises
+    ------
+    TooFewLandmarks
+        When no detector gives three points for `informativeness`.
+    """
+    if settings.study.kind == "repeatability":
+        return _repeatability(mesh, settings, seed, on_share)
+    return _informativeness(mesh, settings, seed, on_share)
+
+
+def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
+    asked, warnings = settings.study, []
+    on_share(0.0, "landmarks")
+    marked = _marked(mesh, settings, seed)
+    if len(marked[T2]) < MIN_POINTS and not settings.landmarks.include_halo:
+        # By the article's definition nearly all of an evenly triangulated arch is halo, and the paper's own count of
+        # landmarks, 3 % of all vertices, cannot be without it.
+        detail = f"mesh: leaving out the halo leaves {len(marked[T2])} landmarks; the study was made with it"
+        warnings.append(Note(code="halo_included", detail=detail))
+        with_halo = settings.landmarks.model_copy(update={"include_halo": True})
+        marked = _marked(mesh, settings.model_copy(update={"landmarks": with_halo}), seed)
+    usable = {detector: points for detector, points in marked.items() if len(points) >= MIN_POINTS}
+    usable = {detector: points for detector, points in usable.items() if detector in asked.detectors}
+    told = ", ".join(f"{detector} {len(points)}" for detector, points in marked.items())
+    if not usable:
+        raise TooFewLandmarks(f"no detector gives {MIN_POINTS} points ({told})", mesh="mesh")
+    if len(usable) < len(asked.detectors):
+        detail = f"mesh: detectors with fewer than {MIN_POINTS} points are left out ({told})"
+        warnings.append(Note(code="too_few_landmarks", detail=detail))
+    trials = asked.trials or paper.DEFAULT_TRIALS
+    found = paper.informativeness(
+        mesh.vertices,
+        usable,
+        trials=trials,
+        noise_mm=asked.noise_mm or paper.DEFAULT_NOISE_SHARE * mesh.diagonal_mm,
+        rotation_deg=asked.rotation_deg,
+        seed=seed,
+        on_share=lambda share: on_share(share, f"trial {round(share * trials):,} of {trials:,}"),
+    )
+    protocol, rows = paper.protocol(found), paper.rows(found)
+
+    def write(folder: Path) -> None:
+        paper.write_trials(folder / "trials.csv", found)
+        study_plots.write_informativeness(folder / "study.svg", found)
+
+    return Studied(protocol, rows, None, paper.in_words(protocol, rows), write, tuple(warnings))
+
+
+def _marked(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, FloatArray]:
+    """(k, 3) points of t2 and of each detector that is asked for, as many as `count` or as t2 gives."""
+    scales = Scales.of(mesh, settings)
+    found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
+    working = found.resampled.mesh
+    measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
+    section = settings.landmarks.model_copy(update={"count": settings.study.count or settings.landmarks.count})
+    return {
+        detector: landmarks(
+            *(working, found.distances.surface, found.segmentation, measured),
+            section.model_copy(update={"detector": detector}),
+            seed,
+        ).position_mm
+        for detector in dict.fromkeys((T2, *settings.study.detectors))
+    }
+
+
+def _repeatability(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
+    protocol, trials = again.repeatability(mesh, settings, seed, on_share)
+    rows = again.rows(trials, mesh.diagonal_mm)
+
+    def write(folder: Path) -> None:
+        again.write_trials(folder / "trials.csv", trials)
+        study_plots.write_repeatability(folder / "study.svg", protocol, rows)
+
+    return Studied(protocol, None, rows, again.in_words(protocol, rows), write, ())

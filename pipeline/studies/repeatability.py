@@ -1,0 +1,310 @@
+"""Are landmarks found again on another mesh of the same shape? Salti, Tombari, Di Stefano, "A performance evaluation
+of 3D keypoint detectors" (2011): relative repeatability at a stated eps, here with a fixed number of points.
+
+A trial makes a scan of the shape: turned at random, triangulated anew, with noise, and in one condition cropped. The
+whole analysis runs on both, on its own working meshes. A detector gives `count` points on either, at least `spacing`
+apart (> 2 eps, so that a point has one partner at most).
+
+repeatability = pairs within eps, one to one / points that could be seen again. A detector that gives fewer than `count`
+points has missed the others.
+"""
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import maximum_bipartite_matching
+from scipy.spatial import cKDTree
+
+from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.core.mesh import BoolArray, FloatArray, Mesh
+from pipeline.core.results import RepeatabilityProtocol, RepeatabilityRow
+from pipeline.core.settings import CleanSettings, Detector, Settings
+from pipeline.core.timing import silent
+from pipeline.kernels import remesh, rigid
+from pipeline.stages.clean import clean
+from pipeline.stages.features import features
+from pipeline.stages.landmarks import LandmarkSet, landmarks
+from pipeline.stages.matching import Side, fpfh, match
+from pipeline.stages.resample import working_edge_mm
+from pipeline.studies.statistics import quantiles
+
+DEFAULT_COUNT = 20
+DEFAULT_TRIALS = 5
+SCAN_VERTICES = 8000  # of the new triangulation, give or take a quarter
+SPACING_EPS = 2.5
+CROP = 0.3
+CHANCE_DRAWS = 20
+RIGHT_SHARE = 0.01  # of the diagonal: a pose this near the truth is right
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """noise_share : standard deviation along the normal, of the diagonal; crop : share of the area cut off by a plane"""
+
+    name: str
+    noise_share: float
+    crop: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One detector in one trial. repeatability, chance : share; points : mean number on the two meshes; pose_error_mm :
+    None when its points gave no pose
+    """
+
+    condition: str
+    trial: int
+    detector: Detector
+    repeatability: float
+    chance: float
+    points: float
+    visible: float
+    pose_error_mm: float | None
+
+
+def conditions(noise_share: float | None) -> tuple[Condition, ...]:
+    """What the shape goes through; with a noise of one's own, only that."""
+    if noise_share is not None:
+        given = Condition(f"noise {noise_share:.2%}", noise_share, 0.0)
+        return given, Condition(f"{given.name}, {CROP:.0%} cut off", noise_share, CROP)
+    return (
+        Condition("noise 0.1%", 0.001, 0.0),
+        Condition("noise 0.3%", 0.003, 0.0),
+        Condition(f"noise 0.1%, {CROP:.0%} cut off", 0.001, CROP),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Looked:
+    """One mesh analysed once, for all detectors."""
+
+    side: Side
+    marked: Mapping[Detector, LandmarkSet]
+
+
+def repeatability(
+    mesh: Mesh, settings: Settings, seed: int, on_share: Callable[[float, str], None]
+) -> tuple[RepeatabilityProtocol, list[Trial]]:
+    """All trials, in order of condition, trial and detector.
+
+    mesh : the cleaned mesh of the shape; on_share : hears the share done and what is being done
+    """
+    asked = settings.study
+    diagonal = mesh.diagonal_mm
+    eps_mm, count, trials = asked.eps * diagonal, asked.count or DEFAULT_COUNT, asked.trials or DEFAULT_TRIALS
+    todo = conditions(None if asked.noise_mm is None else asked.noise_mm / diagonal)
+    scales = Scales.of(mesh, settings)
+    spacing_mm = max(SPACING_EPS * eps_mm, settings.landmarks.spacing_radii * scales.radius_mm)
+    detectors = tuple(dict.fromkeys(asked.detectors))
+    whole = _looked(mesh, detectors, count, spacing_mm, scales, settings, seed)
+
+    done: list[Trial] = []
+    for c, condition in enumerate(todo):
+        for trial in range(trials):
+            on_share((c * trials + trial) / (len(todo) * trials), f"{condition.name}, trial {trial + 1} of {trials}")
+            rng = np.random.default_rng([seed, c, trial])
+            scan, seen, T_scan_design = scanned(mesh, condition, rng)
+            again = _looked(scan, detectors, count, spacing_mm, scales, settings, int(rng.integers(2**32)))
+            chance = _chance(whole, again, seen, T_scan_design, count, eps_mm, rng)
+            for detector in detectors:
+                found = _compared(whole, again, detector, seen, T_scan_design, count, eps_mm)
+                error = _pose_error_mm(whole, again, detector, scan, T_scan_design, scales, settings, seed)
+                share, points, visible = found
+                done.append(Trial(condition.name, trial, detector, share, chance, points, visible, error))
+    protocol = RepeatabilityProtocol(
+        trials=trials,
+        eps=asked.eps,
+        eps_mm=eps_mm,
+        count=count,
+        spacing_mm=spacing_mm,
+        conditions=[condition.name for condition in todo],
+    )
+    return protocol, done
+
+
+def rows(trials: Sequence[Trial], diagonal_mm: float) -> list[RepeatabilityRow]:
+    """One row a condition and detector, in the order they first occur."""
+    found = []
+    for condition, detector in dict.fromkeys((trial.condition, trial.detector) for trial in trials):
+        group = [trial for trial in trials if (trial.condition, trial.detector) == (condition, detector)]
+        errors = [trial.pose_error_mm for trial in group if trial.pose_error_mm is not None]
+        found.append(
+            RepeatabilityRow(
+                detector=detector,
+                condition=condition,
+                repeatability=quantiles([trial.repeatability for trial in group]),
+                mean=float(np.mean([trial.repeatability for trial in group])),
+                chance=float(np.mean([trial.chance for trial in group])),
+                points=float(np.mean([trial.points for trial in group])),
+                pose_error_mm=quantiles(errors),
+                pose_right=float(np.sum(np.array(errors) <= RIGHT_SHARE * diagonal_mm)) / len(group),
+            )
+        )
+    return found
+
+
+def write_trials(path: Path, trials: Sequence[Trial]) -> None:
+    """trials.csv: a row a condition, trial and detector; empty where its points gave no pose."""
+    names = [field.name for field in fields(Trial)]
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        for trial in trials:
+            values = (getattr(trial, name) for name in names)
+            writer.writerow(["" if value is None else value for value in values])
+
+
+def in_words(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow]) -> str:
+    """The paragraph: who is found again how often, against chance, and what pose comes of it."""
+    first = [row for row in found if row.condition == protocol.conditions[0]]
+    best = max(first, key=lambda row: row.mean)
+    told = ", ".join(f"{row.detector} {row.mean:.2f}" for row in sorted(first, key=lambda row: -row.mean))
+    worst = min(first, key=lambda row: row.mean)
+    chance = float(np.mean([row.chance for row in first]))
+    harder = [row for row in found if row.detector == best.detector and row.condition != best.condition]
+    after = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in harder)
+    return (
+        f"Of {protocol.count} points asked of each detector, this share was found again within {protocol.eps:.1%} of the "
+        f"diagonal ({protocol.eps_mm:.3g} mm) on a mesh with other triangles and {best.condition}: {told}; random points of "
+        f"that number meet by chance in {chance:.2f}. Most often found again: {best.detector}"
+        + (f" ({after})" if after else "")
+        + f"; least often: {worst.detector}. A pose within {RIGHT_SHARE:.0%} of the diagonal came from the points of "
+        + ", ".join(f"{row.detector} in {row.pose_right:.0%}" for row in first)
+        + f" of {protocol.trials} trials."
+    )
+
+
+def scanned(
+    mesh: Mesh, condition: Condition, rng: np.random.Generator
+) -> tuple[Mesh, Callable[[FloatArray], BoolArray], FloatArray]:
+    """A scan of the shape, which points (k, 3) of the shape it shows, and T_scan_design.
+
+    The shape is turned before it is remeshed, so that no two trials share triangles; noise is normal, along the normals.
+    """
+    T_scan_design = _random_motion(rng, mesh.diagonal_mm)
+    moved = mesh.moved(T_scan_design)
+    area = float(mesh.face_areas_mm2().sum())
+    copy = remesh.isotropic(moved, working_edge_mm(area, int(rng.uniform(0.75, 1.25) * SCAN_VERTICES)), 4)
+    copy = clean(copy, "scan", CleanSettings()).mesh
+    noise = rng.normal(0.0, condition.noise_share * mesh.diagonal_mm, len(copy.vertices))
+    noisy = copy.vertices + noise[:, None] * copy.vertex_normals()
+    direction = rng.normal(size=3)
+    along = copy.vertices @ direction
+    least = float(np.quantile(along, condition.crop)) if condition.crop > 0 else -np.inf
+    scan = clean(Mesh(noisy, copy.faces[(along >= least)[copy.faces].all(axis=1)]), "scan", CleanSettings()).mesh
+
+    def seen(points: FloatArray) -> BoolArray:
+        return np.asarray(rigid.transformed(T_scan_design, points) @ direction >= least)
+
+    return scan, seen, T_scan_design
+
+
+def _random_motion(rng: np.random.Generator, size_mm: float) -> FloatArray:
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    q = q * np.sign(np.diag(r))
+    q[:, 0] *= np.linalg.det(q)
+    return rigid.compose(q, rng.uniform(-size_mm, size_mm, 3))
+
+
+def _looked(
+    mesh: Mesh,
+    detectors: Sequence[Detector],
+    count: int,
+    spacing_mm: float,
+    scales: Scales,
+    settings: Settings,
+    seed: int,
+) -> _Looked:
+    found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
+    working = found.resampled.mesh
+    measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
+    section = settings.landmarks.model_copy(update={"count": count, "spacing_radii": spacing_mm / scales.radius_mm})
+    marked = {
+        detector: landmarks(
+            *(working, found.distances.surface, found.segmentation, measured),
+            section.model_copy(update={"detector": detector}),
+            seed,
+        )
+        for detector in detectors
+    }
+    support_mm = settings.matching.descriptor_radius_lengths * settings.matching.length_share * scales.size_mm
+    one = next(iter(marked.values()))
+    return _Looked(Side(working, one, fpfh(working, support_mm)), marked)
+
+
+def _compared(
+    whole: _Looked,
+    again: _Looked,
+    detector: Detector,
+    seen: Callable[[FloatArray], BoolArray],
+    T_scan_design: FloatArray,
+    count: int,
+    eps_mm: float,
+) -> tuple[float, float, float]:
+    """repeatability, points, visible : see `Trial`."""
+    first, second = whole.marked[detector].position_mm, again.marked[detector].position_mm
+    visible_area = float(np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2()))
+    shown = first[seen(first)]
+    # points never given count as seen in the share of the surface that is
+    visible = len(shown) + (count - len(first)) * visible_area
+    back = rigid.transformed(rigid.inverse(T_scan_design), second)
+    return pairs_within(shown, back, eps_mm) / max(visible, 1.0), (len(first) + len(second)) / 2, visible
+
+
+def _chance(
+    whole: _Looked,
+    again: _Looked,
+    seen: Callable[[FloatArray], BoolArray],
+    T_scan_design: FloatArray,
+    count: int,
+    eps_mm: float,
+    rng: np.random.Generator,
+) -> float:
+    """What `count` points drawn by area on either mesh reach, on average over some draws."""
+    shares = []
+    for _ in range(CHANCE_DRAWS):
+        first, second = (_drawn(side.side.mesh, count, rng) for side in (whole, again))
+        shown, back = first[seen(first)], rigid.transformed(rigid.inverse(T_scan_design), second)
+        shares.append(pairs_within(shown, back, eps_mm) / max(len(shown), 1))
+    return float(np.mean(shares))
+
+
+def _drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> FloatArray:
+    areas = mesh.vertex_areas_mm2()
+    return mesh.vertices[rng.choice(len(areas), min(count, len(areas)), replace=False, p=areas / areas.sum())]
+
+
+def pairs_within(first: FloatArray, second: FloatArray, eps_mm: float) -> int:
+    """The most pairs, one to one, of points (k, 3) and (m, 3) at most `eps_mm` apart."""
+    if len(first) == 0 or len(second) == 0:
+        return 0
+    near = cKDTree(first).sparse_distance_matrix(cKDTree(second), eps_mm, output_type="coo_matrix")
+    graph = csr_matrix((np.ones(len(near.row)), (near.row, near.col)), shape=(len(first), len(second)))
+    return int((maximum_bipartite_matching(graph, perm_type="column") >= 0).sum())
+
+
+def _pose_error_mm(
+    whole: _Looked,
+    again: _Looked,
+    detector: Detector,
+    scan: Mesh,
+    T_scan_design: FloatArray,
+    scales: Scales,
+    settings: Settings,
+    seed: int,
+) -> float | None:
+    """RMS displacement of the scan's vertices under the fit of matched landmarks; hypotheses from landmark pairs only."""
+    design, other = (
+        Side(looked.side.mesh, looked.marked[detector], looked.side.descriptors) for looked in (whole, again)
+    )
+    if min(len(design.landmarks.vertex), len(other.landmarks.vertex)) < 3:
+        return None
+    alone = settings.matching.model_copy(update={"dense_pairs": False, "axes_poses": False})
+    found = match(design, other, settings.matching.length_share * scales.size_mm, alone, seed)
+    if found.T_landmarks is None or found.hypotheses[0].source != "landmarks":
+        return None
+    return rigid.rms_displacement(found.T_landmarks, rigid.inverse(T_scan_design), scan.vertices)
