@@ -47,7 +47,7 @@ test: $(READY) servers ## all tests; those marked `data` need CUSP_DATA
 	$(BIN)/python -m pytest
 
 nightly: $(READY) servers ## the hostile tests at length: 2,400 broken meshes, 300 requests an address
-	CUSP_TEST_NIGHTLY=1 $(BIN)/python -m pytest --timeout 3600 tests/service/test_malformed_meshes.py tests/service/test_contract.py
+	CUSP_TEST_NIGHTLY=1 $(BIN)/python -m pytest --timeout 3600 tests/service/execution/test_malformed_meshes.py tests/service/api/test_contract.py
 
 servers: # PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
 	@if command -v chromium >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

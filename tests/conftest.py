@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
+from tests.support.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
 
 
 def data_folder() -> Path | None:

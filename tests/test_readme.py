@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline import PipelineError
 from pipeline.core.settings import Settings
-from service.errors import TABLE
+from service.contract.errors import TABLE
 from service.settings import ServiceSettings
 
 README = (Path(__file__).parents[1] / "README.md").read_text()

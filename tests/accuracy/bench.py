@@ -25,9 +25,9 @@ from pipeline.kernels import rigid
 from pipeline.stages.clean import clean
 from pipeline.stages.load import load
 from pipeline.stages.resample import resample, working_edge_mm
-from service import demo_arch
-from tests import shapes
+from service.demo import arch as demo_arch
 from tests.conftest import data_folder
+from tests.support import shapes
 
 DESIGNS = (
     *(

@@ -18,11 +18,11 @@ from rich.console import Console
 from rich.table import Table
 
 from pipeline.core.mesh import Mesh
-from service import demo_arch
-from service.client import Client
+from service.client.sync import Client
+from service.demo import arch as demo_arch
 from tests.accuracy.bench import printed, read, save
 from tests.conftest import data_folder
-from tests.e2e.running import RunningService
+from tests.support.running import RunningService
 
 ARCHES = ("arch_001C", "arch_012C", "arch_022C")
 DESIGN_VERTICES, SCAN_VERTICES = 100_500, 501_500  # of the large pair: twice as many triangles

@@ -3,7 +3,8 @@
 Cases that the gauntlet does not have, harder than its own (other seeds, pieces down to 15 %, noise up to 1 %, warp up to 2 %), are
 registered, and the best pose of each is right or wrong whatever the verdict would be. A logistic regression of that on
 `verdict.evidence` is fitted on half of the shapes and judged on the other half; what is printed last, fitted on all of them,
-stands in `pipeline/verification/verdict.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no part in it.
+stands in `pipeline/verification/verdict.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no
+part in it.
 """
 
 import argparse
@@ -33,7 +34,7 @@ from pipeline.verification import verdict
 from tests.accuracy import gauntlet, gauntlet_cases
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Condition, Spec
-from tests.pipeline.designs import design_of
+from tests.support.designs import design_of
 
 FIRST_SEED = 1000  # the gauntlet's are 0, 1, 2 ...
 HARDER = {

@@ -30,11 +30,11 @@ from pipeline.kernels.nearest import k_nearest, nearest
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import LandmarkSet, landmarks
 from pipeline.stages.matching import fpfh
-from tests import shapes
 from tests.accuracy.bench import read
 from tests.accuracy.gauntlet_cases import CONDITIONS, printed
 from tests.accuracy.landmarks import HELD_OUT, TUNED_ON
 from tests.conftest import data_folder
+from tests.support import shapes
 
 TESTED = ("scan", "crop 30 %", "rough")
 RADII = (1.0, 1.6, 2.5, 4.0)  # times the features' own

@@ -18,7 +18,7 @@ from pipeline.core.settings import DeviationSettings
 from pipeline.kernels.surface import Surface
 from pipeline.stages.deviation import deviation, deviation_of_design
 from pipeline.stages.registration import fit
-from tests import shapes
+from tests.support import shapes
 
 RUNS = 3
 PEER_POINTS = 2_000

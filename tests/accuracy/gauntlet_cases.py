@@ -54,11 +54,11 @@ from pipeline.kernels import rigid, sampling
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import clean
 from pipeline.stages.resample import resample, working_edge_mm
-from service import demo_arch
-from tests import shapes
+from service.demo import arch as demo_arch
 from tests.accuracy import symmetries
 from tests.accuracy.bench import read
 from tests.conftest import data_folder
+from tests.support import shapes
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,8 +24,8 @@ from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.settings import Settings
 from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import GeodesicSolver, density_rank
-from tests import shapes
 from tests.conftest import data_folder
+from tests.support import shapes
 
 SOURCES, SOURCES_OF_LARGE = 3, 2
 LARGE = 50_000  # vertices; libigl takes minutes there and is left out

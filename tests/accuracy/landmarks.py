@@ -26,10 +26,10 @@ from pipeline.core.timing import silent
 from pipeline.kernels.nearest import nearest
 from pipeline.stages.features import features
 from pipeline.studies.repeatability import repeatability, rows
-from tests import shapes
 from tests.accuracy.bench import read
 from tests.accuracy.teeth import ARCHES, tooth_of_vertex
 from tests.conftest import data_folder
+from tests.support import shapes
 
 TUNED_ON = (
     *("dental/arch_001C.ply", "dental/arch_013C.ply", "dental/arch_022C.ply", "dental/arch_h1.obj"),

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from pipeline import LandmarksResult, RegistrationResult
-from service.async_client import AsyncClient
-from service.client import Client, ServiceProblem, ServiceUnreachable, register
-from service.schemas import Status
-from tests.e2e.running import LONG, QUICK, RunningService
+from service.client.aio import AsyncClient
+from service.client.sync import Client, ServiceProblem, ServiceUnreachable, register
+from service.contract.schemas import Status
+from tests.support.running import LONG, QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
 SETTINGS = QUICK["settings"]

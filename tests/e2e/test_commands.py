@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 import pipeline
-from tests.e2e.running import QUICK, RunningService
+from tests.support.running import QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
 
 
 def cusp(*arguments: object, **environment: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "service.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "service.cli.main", *map(str, arguments)]
     return subprocess.run(
         command, capture_output=True, text=True, timeout=100, check=False, env={**os.environ, **environment}
     )

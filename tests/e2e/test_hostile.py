@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from pipeline import PipelineError
-from service.client import ServiceProblem
-from service.errors import TABLE
-from service.schemas import Status
-from tests.e2e.running import QUICK, RunningService
-from tests.service.test_malformed_meshes import SMALL, cases
+from service.client.sync import ServiceProblem
+from service.contract.errors import TABLE
+from service.contract.schemas import Status
+from tests.service.execution.test_malformed_meshes import SMALL, cases
+from tests.support.running import QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
 MIB = 1024 * 1024
@@ -55,7 +55,7 @@ def test_a_zip_bomb_fails_its_job_with_its_reason(
 def test_broken_meshes_are_refused_or_fail_with_a_reason_and_the_next_job_runs(
     running: RunningService, design: Path, scan: Path, tmp_path: Path
 ) -> None:
-    """A few of those that `tests/service/test_malformed_meshes.py` gives to the child alone."""
+    """A few of those that `tests/service/execution/test_malformed_meshes.py` gives to the child alone."""
     processes = running.part("api").pid, running.part("worker").pid
     ids, refused = [], []
     for number, (ending, content) in enumerate(itertools.islice(cases(), MUTATED)):

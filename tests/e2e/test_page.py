@@ -16,11 +16,11 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from service.keys import KeyStore, Scope
-from service.schemas import Job
+from service.auth.keys import KeyStore, Scope
+from service.contract.schemas import Job
 from service.settings import ServiceSettings
-from service.store import open_database
-from tests.e2e.running import LONG, QUICK, RunningService
+from service.storage.database import open_database
+from tests.support.running import LONG, QUICK, RunningService
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(300)]
 CHROMIUM = shutil.which("chromium")

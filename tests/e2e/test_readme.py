@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.running import QUICK, RunningService, wait_until
-from tests.storage import free_port
+from tests.support.running import QUICK, RunningService, wait_until
+from tests.support.storage import free_port
 
 pytestmark = pytest.mark.e2e
 
@@ -50,7 +50,7 @@ def python_block(having: str) -> str:
 def test_the_readmes_client_works(running: RunningService, design: Path, scan: Path, tmp_path: Path) -> None:
     shutil.copy(design, tmp_path / "design.stl")
     shutil.copy(scan, tmp_path / "scan.stl")
-    script = python_block("from service.client import").replace(DEFAULT_ADDRESS, running.client.server)
+    script = python_block("from service.client.sync import").replace(DEFAULT_ADDRESS, running.client.server)
     script = script.replace("tolerance_mm=0.2", f"tolerance_mm=0.2, server={running.client.server!r}")
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=110, check=False
@@ -65,7 +65,7 @@ def test_the_readmes_webhook_receiver_works(design: Path, tmp_path: Path) -> Non
     service = RunningService(tmp_path / "data", CUSP_WEBHOOK_NETWORKS="127.0.0.0/8")
     try:
         told = subprocess.run(
-            [sys.executable, "-m", "service.cli", "webhooks", "secret", "--data-dir", tmp_path / "data"],
+            [sys.executable, "-m", "service.cli.main", "webhooks", "secret", "--data-dir", tmp_path / "data"],
             capture_output=True,
             text=True,
             check=True,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.running import QUICK, RunningService
+from tests.support.running import QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
 

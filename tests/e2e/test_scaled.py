@@ -11,11 +11,11 @@ import psutil
 import pytest
 from sqlalchemy import text
 
-from service.schemas import Status
+from service.contract.schemas import Status
 from service.settings import ServiceSettings
-from service.store import open_database
-from tests.e2e.running import QUICK, START_TIMEOUT_S, ScaledService, downloaded, wait_until
-from tests.storage import S3, Postgres
+from service.storage.database import open_database
+from tests.support.running import QUICK, START_TIMEOUT_S, ScaledService, downloaded, wait_until
+from tests.support.storage import S3, Postgres
 
 pytestmark = pytest.mark.e2e
 SLOWER = {"settings": {**QUICK["settings"], "resample": {"target_vertices": 4000}}}
@@ -124,7 +124,7 @@ def test_a_part_alone_needs_a_database_of_all(tmp_path: Path) -> None:
         },
     }.items():
         told = subprocess.run(
-            [sys.executable, "-m", "service.cli", "worker"],
+            [sys.executable, "-m", "service.cli.main", "worker"],
             env={"PATH": "", "CUSP_DATA_DIR": str(tmp_path), **environment},
             capture_output=True,
             text=True,

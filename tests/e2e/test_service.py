@@ -11,11 +11,11 @@ import pytest
 
 import pipeline
 from pipeline import Stage
-from service.client import ServiceProblem
-from service.schemas import Status
+from service.client.sync import ServiceProblem
+from service.contract.schemas import Status
 from tests.e2e.conftest import SHIFT_MM, TURN_DEG
-from tests.e2e.running import LONG, QUICK, RunningService, downloaded, is_alive, wait_until
-from tests.service.meshes import stl
+from tests.support.meshes import stl
+from tests.support.running import LONG, QUICK, RunningService, downloaded, is_alive, wait_until
 
 pytestmark = pytest.mark.e2e
 
@@ -110,7 +110,7 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(running: RunningService
 
 
 def test_the_process_that_jobs_are_forked_from_has_one_thread(running: RunningService) -> None:
-    (zygote,) = [each for each in running.part("worker").children() if "service.zygote" in each.cmdline()]
+    (zygote,) = [each for each in running.part("worker").children() if "service.execution.zygote" in each.cmdline()]
     assert zygote.num_threads() == 1
 
 

@@ -25,12 +25,12 @@ from rich.console import Console
 from rich.table import Table
 from sqlalchemy import Engine, text
 
-from service.client import Client
+from service.client.sync import Client
 from service.settings import ServiceSettings
-from service.store import open_database
-from tests.e2e.running import QUICK, RunningService, ScaledService
-from tests.service.meshes import blob_stl
-from tests.storage import S3, Postgres, running_postgres, running_s3
+from service.storage.database import open_database
+from tests.support.meshes import blob_stl
+from tests.support.running import QUICK, RunningService, ScaledService
+from tests.support.storage import S3, Postgres, running_postgres, running_s3
 
 PAUSE_S = (3.0, 10.0)  # between two kills
 PACE_S = 0.2  # between two requests, on average

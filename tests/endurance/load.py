@@ -22,10 +22,10 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
-from service.schemas import Status
-from tests.e2e.running import QUICK, RunningService, wait_until
-from tests.service.meshes import blob_stl
-from tests.shapes import icosphere
+from service.contract.schemas import Status
+from tests.support.meshes import blob_stl
+from tests.support.running import QUICK, RunningService, wait_until
+from tests.support.shapes import icosphere
 
 CONNECTIONS = 16
 MIB = 1024 * 1024

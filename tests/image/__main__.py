@@ -18,8 +18,8 @@ from pathlib import Path
 
 import httpx
 
-from service.client import Client
-from tests.storage import free_port
+from service.client.sync import Client
+from tests.support.storage import free_port
 
 ROOT = Path(__file__).parents[2]
 IMAGE, BASE, CONTAINER, VOLUME = (
@@ -152,7 +152,7 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
 
     for path in ("/", "/web/app.js", "/web/vendor/three/three.module.js"):
         _expect(httpx.get(client.server + path).status_code == 200, f"no {path} in the image")
-    demo = [sys.executable, "-m", "service.cli", "demo", "--server", client.server, "--out", str(folder / "demo")]
+    demo = [sys.executable, "-m", "service.cli.main", "demo", "--server", client.server, "--out", str(folder / "demo")]
     told = subprocess.run(demo, capture_output=True, text=True)
     found = re.search(r"/v1/jobs/([0-9a-f-]{36})/results", told.stdout)
     if told.returncode != 0 or found is None:

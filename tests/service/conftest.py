@@ -18,17 +18,17 @@ import uvicorn
 from fastapi import FastAPI
 from sqlalchemy import text
 
-from service.app import create_app
-from service.blobs import BlobStore
-from service.design_cache import DesignCache
-from service.job_store import JobStore
-from service.metrics import Metrics
-from service.sandbox import Outcome
+from service.api.app import create_app
+from service.execution.sandbox import Outcome
+from service.execution.worker import Worker
+from service.jobs.dispatcher import TicketDesk
+from service.jobs.metrics import Metrics
+from service.jobs.store import JobStore
 from service.settings import ServiceSettings
-from service.store import migrate, open_database
-from service.tickets import TicketDesk
-from service.worker import Worker
-from tests.storage import Postgres
+from service.storage.blobs import BlobStore
+from service.storage.database import migrate, open_database
+from service.storage.design_cache import DesignCache
+from tests.support.storage import Postgres
 
 TRIANGLE_OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 RESULTS = b'{"schema_version": "1", "verdict": {"status": "ok"}}'

@@ -6,7 +6,7 @@ import pytest
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import average_geodesic
 from pipeline.kernels.geodesics import GeodesicSolver
-from tests import shapes
+from tests.support import shapes
 
 
 def average(mesh: Mesh, bases: int = average_geodesic.BASES) -> FloatArray:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import copy_icp, rigid
 from pipeline.kernels.copy_icp import CopyIcp
-from tests import shapes
+from tests.support import shapes
 
 LIBRARY, CONVERGED = range(2)
 

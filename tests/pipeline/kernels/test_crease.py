@@ -7,7 +7,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.kernels import crease
 from pipeline.kernels.diffusion import diffused
 from pipeline.kernels.geodesics import GeodesicSolver, edge_lengths
-from tests import shapes
+from tests.support import shapes
 
 
 def test_lifted_edges_are_pythagoras() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import curvature
-from tests import shapes
+from tests.support import shapes
 
 
 @pytest.mark.parametrize("radius_mm", [0.5, 7.0])

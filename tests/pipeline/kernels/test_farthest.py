@@ -5,7 +5,7 @@ import numpy as np
 from pipeline.core.mesh import Mesh
 from pipeline.kernels.farthest import Spread, farthest_points
 from pipeline.kernels.geodesics import GeodesicSolver
-from tests import shapes
+from tests.support import shapes
 
 
 def spread(mesh: Mesh, count: int) -> Spread:

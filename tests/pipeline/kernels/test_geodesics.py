@@ -9,7 +9,7 @@ from pygeodesic import geodesic as pygeodesic
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels.geodesics import GeodesicSolver, density_rank, edge_lengths, rounded
 from pipeline.kernels.sampling import farthest
-from tests import shapes
+from tests.support import shapes
 
 
 def solver_of(mesh: Mesh, threads: int | None = None) -> GeodesicSolver:

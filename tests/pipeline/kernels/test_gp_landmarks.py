@@ -6,7 +6,7 @@ from scipy.sparse import csr_matrix
 
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import gp_landmarks
-from tests import shapes
+from tests.support import shapes
 
 
 @pytest.fixture(scope="module")

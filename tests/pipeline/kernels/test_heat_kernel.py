@@ -6,7 +6,7 @@ import pytest
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import curvature, heat_kernel
 from pipeline.kernels.heat_kernel import Spectrum
-from tests import shapes
+from tests.support import shapes
 
 
 def spectrum_of(mesh: Mesh, count: int) -> Spectrum:

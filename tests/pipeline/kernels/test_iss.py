@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.kernels import iss
-from tests import shapes
+from tests.support import shapes
 
 
 def test_saliency_is_the_least_eigenvalue_of_the_covariance() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.kernels import maxima
-from tests import shapes
+from tests.support import shapes
 
 
 def test_a_bump_on_a_plane_is_the_only_top() -> None:

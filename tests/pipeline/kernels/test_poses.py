@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.kernels import poses, rigid
-from tests import shapes
+from tests.support import shapes
 
 
 def test_a_nudge_moves_the_points_by_what_was_asked() -> None:

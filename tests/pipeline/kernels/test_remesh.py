@@ -6,7 +6,7 @@ import pytest
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.surface import Surface
-from tests import shapes
+from tests.support import shapes
 
 
 @pytest.mark.parametrize("part", [shapes.bumpy_blob(6), shapes.torus(20.0, 6.0, 300, 150)], ids=["blob", "torus"])

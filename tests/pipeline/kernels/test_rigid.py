@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pipeline.kernels import rigid
-from tests import shapes
+from tests.support import shapes
 
 SEEDS = range(4)
 

@@ -7,7 +7,7 @@ from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.similarity import stretch, warp_mm
 from pipeline.kernels.surface import Surface
-from tests import shapes
+from tests.support import shapes
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels.native import core
 from pipeline.kernels.surface import Surface
-from tests import shapes
-from tests.closest_weights import closest_weights
+from tests.support import shapes
+from tests.support.closest_weights import closest_weights
 
 OFFSETS = (0.0, 1e4)  # far from the origin too: single precision must not be spent on the offset
 

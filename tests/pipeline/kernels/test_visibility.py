@@ -7,7 +7,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.visibility import Views
-from tests import shapes
+from tests.support import shapes
 
 
 def joined(*meshes: Mesh) -> Mesh:

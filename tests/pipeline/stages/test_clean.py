@@ -9,7 +9,7 @@ from pipeline.core.settings import CleanSettings
 from pipeline.kernels import topology
 from pipeline.kernels.rows import group_rows
 from pipeline.stages.clean import Cleaned, clean
-from tests import shapes
+from tests.support import shapes
 
 
 def cleaned(mesh: Mesh, **settings: float | bool) -> Cleaned:

@@ -9,7 +9,7 @@ from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.stages.detectors import COMPETITORS, Candidates, Scene
 from pipeline.stages.features import features
-from tests import shapes
+from tests.support import shapes
 
 RADIUS_MM = 3.0
 COUNT = 20

@@ -12,7 +12,7 @@ from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design, side_of, weighted_quantiles
 from pipeline.stages.registration import fit
-from tests import shapes
+from tests.support import shapes
 
 
 def measured(design: Mesh, scan: Mesh, tolerance_mm: float | None = None, T: FloatArray | None = None) -> Deviations:

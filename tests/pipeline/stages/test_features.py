@@ -8,7 +8,7 @@ import pytest
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import FeaturesSettings
 from pipeline.stages.features import features
-from tests import shapes
+from tests.support import shapes
 
 Project = Callable[[FloatArray], FloatArray]
 

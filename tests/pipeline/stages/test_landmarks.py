@@ -11,7 +11,7 @@ from pipeline.stages.features import Features, features
 from pipeline.stages.geodesics import geodesics
 from pipeline.stages.landmarks import LandmarkSet, hotelling_t2, landmarks, scaled, strongest_apart, t2_limit, t2_scores
 from pipeline.stages.segmentation import Segmentation, segment
-from tests import shapes
+from tests.support import shapes
 
 
 def analysed(mesh: Mesh, radius_mm: float, settings: Settings) -> tuple[Segmentation, Features, LandmarkSet]:

@@ -14,7 +14,7 @@ from pipeline import MeshFile
 from pipeline.core import errors
 from pipeline.core.settings import LoadSettings, Unit
 from pipeline.stages.load import Loaded, load
-from tests import shapes
+from tests.support import shapes
 
 BOX = shapes.box((1.0, 2.0, 3.0))
 STL_HEAD = b"\0" * 80

@@ -8,7 +8,7 @@ from pipeline.core.settings import ResampleSettings
 from pipeline.kernels import topology
 from pipeline.kernels.surface import Surface
 from pipeline.stages.resample import nearest_vertices, resample, working_edge_mm
-from tests import shapes
+from tests.support import shapes
 
 SETTINGS = ResampleSettings(target_vertices=1500)
 

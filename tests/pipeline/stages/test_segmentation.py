@@ -10,7 +10,7 @@ from pipeline.kernels import density_peaks
 from pipeline.kernels.geodesics import density_rank, rounded
 from pipeline.stages.geodesics import Geodesics, geodesics
 from pipeline.stages.segmentation import Segmentation, segment
-from tests import shapes
+from tests.support import shapes
 
 PAPER = SegmentationSettings(quantile=0.02, density="vertex", kernel="cutoff", centre_rule="decision_graph")
 AREA = PAPER.model_copy(update={"density": "area"})

@@ -1,0 +1,66 @@
+"""The API, assembled. Nothing happens at import; `create_app` is given everything it needs."""
+
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
+
+from fastapi import FastAPI
+
+from service import version
+from service.api import problems
+from service.api.dependencies import Api
+from service.api.digests import DigestCheck
+from service.api.middleware.body_limit import BodyLimit
+from service.api.middleware.gunzip import Gunzip
+from service.api.middleware.request_log import RequestLog
+from service.api.openapi import describe
+from service.api.routes import blobs, jobs, page, service
+from service.auth.keys import KeyStore
+from service.auth.rate_limit import Rates
+from service.jobs.metrics import Metrics
+from service.jobs.store import JobStore
+from service.settings import MIB, ServiceSettings
+from service.storage.blobs import BlobStore
+from service.storage.database import open_database
+from service.webhooks.address_guard import Guard
+from service.webhooks.outbox import Deliveries
+
+
+def create_app(settings: ServiceSettings) -> FastAPI:
+    """The ASGI application on a data folder that is migrated already."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        tempfile.tempdir = str(settings.tmp_dir)  # where form uploads spill to
+        engine = open_database(settings.database)
+        with ExitStack() as stack:
+            stack.callback(engine.dispose)
+            app.state.api = Api(
+                settings,
+                JobStore(engine),
+                BlobStore(settings.blobs),
+                KeyStore(engine),
+                Metrics(engine, settings.data_dir),
+                Deliveries(engine),
+                Guard.of(settings.webhook_networks),
+                Rates(settings.rate_limit_per_s),
+            )
+            yield
+
+    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)
+    # routers
+    app.include_router(jobs.router)
+    app.include_router(blobs.router)
+    app.include_router(service.router)
+    app.include_router(page.router)
+    app.router.routes.append(page.assets)
+    # errors
+    problems.install(app)
+    # middleware, the innermost first
+    app.add_middleware(DigestCheck)
+    app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
+    app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
+    app.add_middleware(RequestLog)
+    # documentation
+    describe(app)
+    return app

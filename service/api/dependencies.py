@@ -1,0 +1,45 @@
+"""What the handlers work with, opened once by `app.create_app` and closed with it."""
+
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from fastapi import Depends, Request
+
+from service.auth.keys import Caller, KeyStore
+from service.auth.rate_limit import Rates
+from service.contract.errors import JobNotFound
+from service.jobs.metrics import Metrics
+from service.jobs.models import JobRow
+from service.jobs.store import JobStore
+from service.settings import ServiceSettings
+from service.storage.blobs import BlobStore
+from service.webhooks.address_guard import Guard
+from service.webhooks.outbox import Deliveries
+
+
+@dataclass(frozen=True, slots=True)
+class Api:
+    """The parts of one running API."""
+
+    settings: ServiceSettings
+    jobs: JobStore
+    blobs: BlobStore
+    keys: KeyStore
+    metrics: Metrics
+    deliveries: Deliveries
+    guard: Guard
+    rates: Rates
+
+    def job(self, job_id: str, caller: Caller) -> JobRow:
+        """The caller's job, or the problem that there is none: another tenant's is as if it were not there."""
+        row = self.jobs.get(job_id, caller.tenant)
+        if row is None:
+            raise JobNotFound(f"no job has the id {job_id!r}; it was never made here, or it was removed")
+        return row
+
+
+def _api_of(request: Request) -> Api:
+    return cast(Api, request.app.state.api)
+
+
+UseApi = Annotated[Api, Depends(_api_of)]

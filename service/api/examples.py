@@ -1,0 +1,171 @@
+"""One example of every problem and of every document of the API: `cusp openapi` writes them to openapi/examples/,
+tests hold them against the schemas and the table, and the OpenAPI document shows them."""
+
+from typing import Any
+
+import pipeline.core.errors as mesh
+from pipeline import PipelineError, StudySettings
+from service.contract import errors
+from service.contract.errors import ServiceError, problem_of
+from service.contract.schemas import (
+    Blob,
+    BlobRef,
+    JobRequest,
+    LandmarksRequest,
+    Options,
+    Problem,
+    ProblemItem,
+    RegistrationRequest,
+    Status,
+    StudyRequest,
+    Units,
+)
+from service.execution.forked import out_of_memory_detail
+from service.jobs.models import JobRow
+from service.jobs.views import job_of
+
+JOB_ID = "01a2019a-6685-7220-8c73-80d9802cf568"
+BLOB_ID = "sha256:697b00ab13410c52a542d2e9c63711fcc04e9cbf6c0d3439a9b43cc812e6e713"
+OTHER_BLOB_ID = "sha256:8036011d143b572d2d6340235f226d69dbd4d8b0da3ac1ea86157bd001ac8ac7"
+INSTANCE = "urn:uuid:2d065e46-4b4f-4258-9d4a-67fa132bb587"
+
+SERVICE_ERRORS: list[ServiceError] = [
+    errors.BadRequest("options: not JSON (Expecting value: line 1 column 1 (char 0)); send a JSON object"),
+    errors.InvalidRequest(
+        "scan: the file is missing", errors=[ProblemItem(pointer="/scan", detail="the file is missing")]
+    ),
+    errors.InvalidOptions(
+        "options.settings.segmentation.quantil: unknown key",
+        errors=[ProblemItem(pointer="/options/settings/segmentation/quantil", detail="unknown key")],
+    ),
+    errors.UnsupportedType(
+        "type 'segment': this version runs registration, landmarks, study; without `type` it is the first"
+    ),
+    errors.RateLimited("more than 1000 requests a second; send it again in 1 s"),
+    errors.TenantQueueFull("15000 jobs of yours wait already; send it again when some are done"),
+    errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored here; send it by PUT /v1/blobs first"),
+    errors.PayloadTooLarge(
+        "the request has more than the 512 MiB it may have; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
+    ),
+    errors.UnsupportedMediaType(
+        "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), or application/json"
+    ),
+    errors.IdempotencyMismatch(
+        f"Idempotency-Key 'order-7': job {JOB_ID} was started with it for other meshes or options; use a new key"
+    ),
+    errors.DigestMismatch("Content-Digest says sha-256 l5wr...; what came has qNsE...; send it again"),
+    errors.Unauthorized("the API key is not known here, or it was revoked; ask for another one"),
+    errors.Forbidden("this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read"),
+    errors.NotFound("nothing is at /v1/job; see /docs"),
+    errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
+    errors.JobNotFound(f"no job has the id '{JOB_ID}'; it was never made here, or it was removed"),
+    errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
+    errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),
+    errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
+    errors.QueueFull("20000 jobs wait already; send it again later"),
+    errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
+    errors.InternalError(f"an unforeseen error; the service goes on. Report it with the id {INSTANCE}"),
+    errors.JobCrashed(
+        "the job's process was killed by SIGSEGV: a fault in native code, most often on a damaged mesh: "
+        "repair the mesh and send it again"
+    ),
+    errors.JobOutOfMemory(out_of_memory_detail(4096)),
+    errors.JobTimedOut(
+        "the job ran longer than the 900 s it may take and was stopped; decimate the meshes, "
+        "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
+    ),
+]
+
+MESH_ERRORS: list[PipelineError] = [
+    mesh.EmptyFile("the file is empty", mesh="scan"),
+    mesh.UnknownFormat("the content is no mesh format that is known here (file name ends in '.step')", mesh="design"),
+    mesh.TruncatedFile(
+        "the STL header announces 4294967295 triangles, which is 214748364834 bytes; the file has 684",
+        mesh="scan",
+    ),
+    mesh.UnreadableFile("line 812 of the OBJ file has a vertex with two numbers", mesh="scan"),
+    mesh.MeshTooLarge("7340032 triangles, 5000000 are allowed", mesh="scan"),
+    mesh.NotFinite("3 of 5120 vertices are not finite", mesh="scan"),
+    mesh.CoordinateOutOfRange(
+        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm", mesh="scan"
+    ),
+    mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
+    mesh.NoSurface("the file has points but no triangles", mesh="design"),
+    mesh.UnitUnknown("the 3MF file declares the unit 'league'", mesh="design"),
+    mesh.DegenerateMesh("the surface has no area", mesh="scan"),
+    mesh.TooFewPoints("3 points are left after cleaning, 10 are needed", mesh="scan"),
+    mesh.ResampleFailed("isotropic remeshing left no vertices", mesh="scan"),
+    mesh.ComponentsTooSmall("none of 400 connected pieces has 1 % of the area", mesh="scan"),
+    mesh.TooFewLandmarks("no detector gives 3 points (t2 0)", mesh="mesh"),
+]
+
+
+def examples() -> dict[str, Any]:
+    """File name -> JSON content."""
+    raised: list[PipelineError | ServiceError] = [*SERVICE_ERRORS, *MESH_ERRORS]
+    told = {f"problem.{error.code}.json": problem_example(error) for error in raised}
+    documents = {
+        **{f"job_request.{each.type}.json": each.model_dump(mode="json", exclude_unset=True) for each in _requests()},
+        "options.json": _registration().options.model_dump(mode="json"),
+        "blob.json": Blob(id=BLOB_ID, size=684, format="stl").model_dump(mode="json"),
+        **{f"job.{status.value}.json": _job(status).model_dump(mode="json") for status in Status},
+    }
+    return dict(sorted({**told, **documents}.items()))
+
+
+def problem_example(error: PipelineError | ServiceError) -> dict[str, Any]:
+    """A problem as a client gets it."""
+    instance = INSTANCE if isinstance(error, errors.InternalError) else None
+    return problem_of(error, instance=instance).model_dump(mode="json", exclude_none=True)
+
+
+def _requests() -> list[JobRequest]:
+    """One of each type."""
+    part = BlobRef(blob=BLOB_ID, filename="bracket.stl")
+    landmarks = Options(settings={"landmarks": {"count": 20}}, units=Units(mesh="mm"), label="bracket")
+    study = StudySettings(kind="informativeness", trials=1000, detectors=("t2", "iss", "random"))
+    return [
+        _registration(),
+        LandmarksRequest(type="landmarks", mesh=part, options=landmarks),
+        StudyRequest(type="study", mesh=part, options=Options(study=study, seed=7)),
+    ]
+
+
+def _registration() -> RegistrationRequest:
+    return RegistrationRequest(
+        type="registration",
+        design=BlobRef(blob=BLOB_ID, filename="bracket.stl"),
+        scan=BlobRef(blob=OTHER_BLOB_ID, filename="bracket-0042.ply"),
+        options=Options(
+            settings={"resample": {"target_vertices": 5000}},
+            units=Units(design="mm", scan="m"),
+            tolerance_mm=0.1,
+            seed=7,
+            label="bracket-0042",
+        ),
+    )
+
+
+def _job(status: Status) -> Any:
+    begun = status is not Status.ACCEPTED
+    crash = next(error for error in MESH_ERRORS if isinstance(error, mesh.NotFinite))
+    problem: Problem | None = problem_of(crash) if status is Status.FAILED else None
+    row = JobRow(
+        id=JOB_ID,
+        type="registration",
+        status=status,
+        stage={Status.RUNNING: "geodesics", Status.SUCCESSFUL: "report", Status.FAILED: "load"}.get(status),
+        progress={Status.RUNNING: 31.5, Status.SUCCESSFUL: 100.0, Status.FAILED: 1.0}.get(status, 0.0),
+        message="distances on the scan" if status is Status.RUNNING else None,
+        label="bracket-0042",
+        inputs={
+            "design": {"blob": BLOB_ID, "filename": "bracket.stl"},
+            "scan": {"blob": OTHER_BLOB_ID, "filename": "bracket-0042.ply"},
+        },
+        created_ms=1_790_000_000_000,
+        started_ms=1_790_000_000_060 if begun else None,
+        finished_ms=1_790_000_004_210 if status.is_final else None,
+        attempt=1 if begun else 0,
+        error=problem.model_dump(exclude_none=True) if problem else None,
+    )
+    return job_of(row)

@@ -1,0 +1,255 @@
+"""From a request to a stored job. A file is looked at just enough to refuse what cannot be a mesh; it is parsed
+in the job's own process only."""
+
+import hashlib
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import structlog
+from fastapi import Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import ValidationError
+from starlette.datastructures import FormData, UploadFile
+
+from pipeline import detect_format
+from service.api.dependencies import Api
+from service.auth.keys import Caller
+from service.contract.errors import (
+    IdempotencyMismatch,
+    InvalidRequest,
+    PayloadTooLarge,
+    QueueFull,
+    TenantQueueFull,
+    UnknownBlob,
+    UnsupportedMediaType,
+)
+from service.contract.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
+from service.contract.options import check_webhook, invalid_request, parse_options, read_json
+from service.contract.schemas import (
+    Blob,
+    BlobRef,
+    JobRequest,
+    JobType,
+    LandmarksRequest,
+    Options,
+    ProblemItem,
+    RegistrationRequest,
+    Status,
+    StudyRequest,
+)
+from service.jobs.models import JobRow, new_id
+from service.storage.blobs import Upload
+
+REQUESTS: dict[JobType, type[JobRequest]] = {
+    "registration": RegistrationRequest,
+    "landmarks": LandmarksRequest,
+    "study": StudyRequest,
+}
+MAX_TEXT_BYTES = 1024 * 1024  # of a JSON body, or of a text part of a form
+log = structlog.get_logger()
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A mesh as it comes with a request."""
+
+    name: str
+    file: IO[bytes]
+    filename: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A job as it was asked for. inputs : mesh name -> blob and filename"""
+
+    job_type: JobType
+    inputs: dict[str, Any]
+    options: Options
+
+    def sha256(self) -> str:
+        """Of the meshes' content, what decides their format, and the options."""
+        meshes = {name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()}
+        made_of = [self.job_type, meshes, self.options.model_dump(mode="json")]
+        return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+
+
+async def accept_job(request: Request, api: Api, caller: Caller, key: str | None) -> JobRow:
+    """Read a multipart or JSON request, store the job, queue it. key : the client's `Idempotency-Key`"""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind == "multipart/form-data":
+        async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
+            wanted = await run_in_threadpool(_from_form, api, caller, form, key)
+    elif kind == "application/json":
+        wanted = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
+    else:
+        raise UnsupportedMediaType(
+            f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
+        )
+    return await run_in_threadpool(_store, api, caller, key, wanted)
+
+
+async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
+    """Stream a request's body into a blob."""
+    writer = await run_in_threadpool(api.blobs.writer)
+    try:
+        async for chunk in request.stream():
+            if chunk:
+                await run_in_threadpool(writer.write, chunk)
+        upload = await run_in_threadpool(writer.finish)
+    except BaseException:
+        await run_in_threadpool(writer.abort)
+        raise
+    return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
+
+
+def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Wanted:
+    job_type = parse_type(_text(form, "type", "registration"))
+    given = sorted({name for name, _ in form.multi_items()})
+    check_meshes(job_type, given)
+    known = (*MESHES[job_type], "type", "options")
+    for name in given:
+        if name not in known:
+            raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
+    options = parse_options(_text(form, "options", "{}"))
+    check_options(job_type, options)
+    check_webhook(options, api.guard)
+    sources = [_source(form, name) for name in MESHES[job_type]]
+    _check_room(api, caller, key)
+    blobs = _keep(api, caller, _received(api, sources))
+    inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
+    return Wanted(job_type, inputs, options)
+
+
+def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Wanted:
+    given = read_json(body, "the body")
+    if not isinstance(given, dict):
+        raise InvalidRequest("the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")])
+    job_type = parse_type(given.get("type", "registration"))
+    check_meshes(job_type, given)
+    options = parse_options(given.pop("options", {}))
+    check_options(job_type, options)
+    check_webhook(options, api.guard)
+    try:
+        job = REQUESTS[job_type].model_validate(given)
+    except ValidationError as error:
+        raise invalid_request(error) from error
+    inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
+    for name, ref in inputs.items():
+        if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
+            raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
+    _check_room(api, caller, key)
+    return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+
+
+def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
+    row = JobRow(
+        id=new_id(),
+        tenant=caller.tenant,
+        type=wanted.job_type,
+        inputs=wanted.inputs,
+        options=wanted.options.model_dump(mode="json"),
+        label=wanted.options.label,
+        attempt=0,
+        crashes=0,
+        progress=0.0,
+    )
+    if key is None:
+        api.jobs.add(row)
+    else:
+        stored = api.jobs.add_once(row, key, wanted.sha256())
+        if stored is None:
+            raise IdempotencyMismatch(
+                f"Idempotency-Key {key!r}: a job was started with it for other meshes or options; use a new key"
+            )
+        if stored.id != row.id:
+            log.info("job known by its idempotency key", job_id=stored.id)
+            return stored
+    log.info("job accepted", job_id=row.id, type=row.type, label=row.label)
+    return row
+
+
+def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:
+    """Check each upload and store it under its content; when one is refused, none is stored."""
+    try:
+        formats = {
+            name: detect_format(upload.head, upload.size, filename, mesh=name if name in ALL_MESHES else None)
+            for name, (upload, filename) in uploads.items()
+        }
+    except BaseException:
+        _discard(api, uploads)
+        raise
+    blobs, left = {}, dict(uploads)
+    try:
+        for name, (upload, _) in uploads.items():
+            api.blobs.keep(upload)
+            del left[name]
+            api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
+            api.metrics.add("cusp_uploads", {formats[name].value: 1})
+            api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
+            blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
+    except BaseException:
+        _discard(api, left)
+        raise
+    return blobs
+
+
+def _received(api: Api, sources: list[Source]) -> dict[str, tuple[Upload, str | None]]:
+    uploads: dict[str, tuple[Upload, str | None]] = {}
+    try:
+        for source in sources:
+            uploads[source.name] = (api.blobs.receive(source.file), source.filename)
+    except BaseException:
+        _discard(api, uploads)
+        raise
+    return uploads
+
+
+def _discard(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> None:
+    for upload, _ in uploads.values():
+        with suppress(Exception):  # swept later; what went wrong first is told
+            api.blobs.discard(upload)
+
+
+def _source(form: FormData, name: str) -> Source:
+    given = form.getlist(name)
+    if len(given) != 1:
+        raise wrong_part(name, "the file is missing" if not given else "more than one file is given")
+    if not isinstance(given[0], UploadFile):
+        raise wrong_part(name, f"must be a file, not text (with curl: -F {name}=@part.stl, mind the @)")
+    return Source(name, given[0].file, given[0].filename or None)
+
+
+def _text(form: FormData, name: str, default: str) -> str:
+    given = form.get(name, default)
+    if isinstance(given, str):
+        return given
+    if given.size is not None and given.size > MAX_TEXT_BYTES:
+        raise PayloadTooLarge(f"{name}: larger than {MAX_TEXT_BYTES} bytes")
+    try:
+        return given.file.read().decode()
+    except UnicodeDecodeError as error:
+        raise wrong_part(name, "must be UTF-8 text") from error
+
+
+def _check_room(api: Api, caller: Caller, key: str | None) -> None:
+    """A request that is sent again starts nothing: it is answered however full the queue is."""
+    if key is not None and api.jobs.knows_key(caller.tenant, key):
+        return
+    if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
+        raise TenantQueueFull(
+            f"{api.settings.tenant_queue_limit} jobs of yours wait already; send it again when some are done"
+        )
+    if api.jobs.count(Status.ACCEPTED) >= api.settings.queue_limit:
+        raise QueueFull(f"{api.settings.queue_limit} jobs wait already; send it again later")
+
+
+async def _body(request: Request) -> bytes:
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_TEXT_BYTES:
+            raise PayloadTooLarge(f"a JSON body may have {MAX_TEXT_BYTES} bytes; meshes go by PUT /v1/blobs")
+    return body

@@ -1,0 +1,128 @@
+"""RFC 9457 everywhere: every exception a handler lets through becomes `application/problem+json`."""
+
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+import structlog
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from pipeline import PipelineError
+from service.contract.errors import (
+    BadRequest,
+    InternalError,
+    InvalidRequest,
+    MethodNotAllowed,
+    NotFound,
+    NotReady,
+    ServiceError,
+    Unauthorized,
+    problem_of,
+)
+from service.contract.schemas import Problem, ProblemItem
+from service.storage.retry import what_is_away
+
+MEDIA_TYPE = "application/problem+json"
+log = structlog.get_logger()
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """For the OpenAPI document: these statuses answer a problem."""
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {status: {"description": "A problem.", "content": {MEDIA_TYPE: {"schema": schema}}} for status in statuses}
+
+
+def problem_response(problem: Problem | dict[str, Any], headers: Mapping[str, str] | None = None) -> Response:
+    """A problem as an HTTP answer with its own status."""
+    told = problem if isinstance(problem, Problem) else Problem.model_validate(problem)
+    body = told.model_dump_json(exclude_none=True)
+    return Response(body, status_code=told.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error by its row in the table."""
+    app.add_exception_handler(ServiceError, _on_own_error)
+    app.add_exception_handler(PipelineError, _on_own_error)
+    app.add_exception_handler(RequestValidationError, _on_invalid_request)
+    app.add_exception_handler(ClientDisconnect, _on_disconnect)
+    app.add_exception_handler(HTTPException, _on_http_exception)
+    app.add_middleware(CatchAll)
+
+
+class CatchAll:
+    """ASGI middleware: a mistake of ours becomes a 500 problem, is logged once, and the connection lives on.
+
+    Starlette's own place for this logs and raises again, which makes the server log it a second time.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on, and catch."""
+        has_begun = False
+
+        async def send_noting(message: Message) -> None:
+            nonlocal has_begun
+            has_begun = has_begun or message["type"] == "http.response.start"
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_noting)
+        except Exception as error:
+            if has_begun or scope["type"] != "http":
+                raise  # too late for another answer: the server cuts the connection
+            await _on_anything_else(Request(scope), error)(scope, receive, send)
+
+
+def _on_own_error(_: Request, error: Exception) -> Response:
+    assert isinstance(error, ServiceError | PipelineError)  # noqa: S101 (tells the type checker)
+    headers = {}
+    if isinstance(error, ServiceError) and error.retry_after_s is not None:
+        headers["Retry-After"] = str(error.retry_after_s)
+    if isinstance(error, Unauthorized):
+        headers["WWW-Authenticate"] = 'Bearer realm="cusp"'
+    return problem_response(problem_of(error), headers)
+
+
+def _on_invalid_request(_: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 (tells the type checker)
+    items = [ProblemItem(pointer="/" + "/".join(map(str, each["loc"])), detail=each["msg"]) for each in error.errors()]
+    detail = "; ".join(f"{item.pointer.removeprefix('/').replace('/', ' ')}: {item.detail}" for item in items[:3])
+    return problem_response(problem_of(InvalidRequest(detail, errors=items)))
+
+
+def _on_disconnect(request: Request, _: Exception) -> Response:
+    """The client went away within its request: nobody reads this answer, and nobody made a mistake."""
+    log.info("client went away", path=request.url.path)
+    return problem_response(problem_of(BadRequest("the connection was closed before the end of the request")))
+
+
+def _on_http_exception(request: Request, error: Exception) -> Response:
+    """What Starlette raises itself: no route, no method, a body that cannot be parsed."""
+    assert isinstance(error, HTTPException)  # noqa: S101 (tells the type checker)
+    match error.status_code:
+        case 404:
+            known: ServiceError = NotFound(f"nothing is at {request.url.path}; see /docs")
+        case 405:
+            known = MethodNotAllowed(f"{request.method} is not allowed at {request.url.path}; see /docs")
+        case status if status < 500:
+            known = BadRequest(f"{error.detail}")
+        case _:
+            return _on_anything_else(request, error)
+    return problem_response(problem_of(known), error.headers)
+
+
+def _on_anything_else(request: Request, error: Exception) -> Response:
+    """What is away for a while is said so. All else is a mistake of ours: the client gets an id, the log the stack under it."""
+    if (away := what_is_away(error)) is not None:
+        log.warning("not ready", away=away, path=request.url.path, reason=str(error).splitlines()[0][:300])
+        return _on_own_error(request, NotReady(f"{away}; send it again later"))
+    instance = f"urn:uuid:{uuid.uuid4()}"
+    log.error("unforeseen", instance=instance, path=request.url.path, exc_info=error)
+    detail = f"an unforeseen error; the service goes on. Report it with the id {instance}"
+    return problem_response(problem_of(InternalError(detail), instance=instance))

@@ -1,0 +1,238 @@
+"""Jobs: start, list, watch, fetch, dismiss."""
+
+import asyncio
+import re
+import time
+from collections.abc import AsyncIterable
+from typing import Annotated, Any
+from urllib.parse import quote
+
+import structlog
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import StreamingResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+
+from service.api import problems as told
+from service.api.dependencies import Api, UseApi
+from service.api.digests import content_digest
+from service.api.etags import conditional_json, is_known
+from service.api.identity import Reads, Writes
+from service.api.intake import accept_job
+from service.api.problems import problems
+from service.api.request_bodies import JOB_BODY
+from service.auth.keys import Caller
+from service.contract.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
+from service.contract.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobType, Results, Status
+from service.jobs.models import JobRow
+from service.jobs.views import files_of, job_of
+from service.webhooks.outbox import delivery_list
+
+JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
+FileName = Annotated[str, Path(description="as in the list of files", examples=["report.html"])]
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+RETRY_AFTER_S = 1
+MAX_WAIT_S = 60
+REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+WAIT_LOOK_S = 0.1
+NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
+log = structlog.get_logger()
+
+
+@router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY)
+async def submit(
+    request: Request,
+    response: Response,
+    api: UseApi,
+    caller: Writes,
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            min_length=1,
+            max_length=255,
+            pattern=r"^[\x21-\x7e]+$",
+            description="yours: sent again with the same meshes and options it gives the same job",
+        ),
+    ] = None,
+) -> Job:
+    """Start a job, with its meshes as files of a form or as blobs that were sent before.
+
+    `type` says what to do: `registration` (the default) puts `scan` on `design`; `landmarks` finds segments and
+    landmarks of one `mesh`; `study` measures how much landmarks tell about one `mesh`.
+    """
+    row = await accept_job(request, api, caller, idempotency_key)
+    response.headers["Location"] = f"/v1/jobs/{row.id}"
+    response.headers["Retry-After"] = str(RETRY_AFTER_S)
+    return job_of(row)
+
+
+@router.get("", responses=problems(401, 403, 422, 429))
+def list_jobs(
+    api: UseApi,
+    caller: Reads,
+    status: Annotated[Status | None, Query(description="only these")] = None,
+    type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
+    label: Annotated[str | None, Query(max_length=200, pattern=NO_NUL, description="only these")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
+    cursor: Annotated[str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")] = None,
+) -> JobPage:
+    """List jobs, newest first."""
+    rows, after = api.jobs.page(
+        tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit
+    )
+    return JobPage(jobs=[job for row in rows if (job := _shown(row)) is not None], next=after)
+
+
+def _shown(row: JobRow) -> Job | None:
+    """None for a row that means nothing here (damaged, or of a later version): it must not hide the others."""
+    try:
+        return job_of(row)
+    except (ValueError, AttributeError, TypeError):
+        log.exception("a job is left out of a list", job_id=row.id)
+        return None
+
+
+@router.get(
+    "/{job_id}",
+    response_model=Job,
+    responses={**NOT_CHANGED, **problems(401, 403, 404, 429)},
+)
+async def status(
+    job_id: JobId,
+    request: Request,
+    api: UseApi,
+    caller: Reads,
+    prefer: Annotated[str | None, Header(description="`wait=N`: answer when final, or after N seconds")] = None,
+) -> Response:
+    """Watch a job."""
+    seconds = _seconds_to_wait(prefer)
+    row = await _wait(api, job_id, caller, seconds)
+    headers = {} if row.status.is_final else {"Retry-After": str(RETRY_AFTER_S)}
+    if seconds:
+        headers["Preference-Applied"] = f"wait={seconds}"
+    return conditional_json(request, job_of(row).model_dump_json(), headers)
+
+
+def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
+    """Before the stream begins, so that a wrong id is a 404."""
+    return api.job(job_id, caller)
+
+
+@router.get(
+    "/{job_id}/events",
+    response_class=EventSourceResponse,
+    responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
+)
+async def events(
+    job_id: JobId, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
+) -> AsyncIterable[ServerSentEvent]:
+    """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
+    told = None
+    while True:
+        try:
+            row = await run_in_threadpool(api.job, job_id, caller)
+        except JobNotFound:  # removed while we watched
+            return
+        job = job_of(row)
+        if job != told:
+            told = job
+            yield ServerSentEvent(event="status", data=job.model_dump(mode="json"))
+        if job.is_final:
+            return
+        await asyncio.sleep(WAIT_LOOK_S)
+
+
+@router.get(
+    "/{job_id}/results",
+    response_model=Results,
+    responses={**NOT_CHANGED, **problems(401, 403, 404, 409, 413, 415, 422, 429, 500)},
+)
+def results(job_id: JobId, request: Request, api: UseApi, caller: Reads) -> Response:
+    """Get results.json; of a failed job, its problem."""
+    row = api.job(job_id, caller)
+    if row.status is Status.FAILED and row.error:
+        return told.problem_response(row.error)
+    _check_successful(row)
+    return _download(api, request, row, "results.json", inline=True)
+
+
+@router.get("/{job_id}/files", responses=problems(401, 403, 404, 409, 429))
+def list_files(job_id: JobId, api: UseApi, caller: Reads) -> FileList:
+    """List the files of a successful job."""
+    row = api.job(job_id, caller)
+    _check_successful(row)
+    return files_of(row)
+
+
+@router.get(
+    "/{job_id}/files/{name}",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}, **NOT_CHANGED, **problems(401, 403, 404, 409, 429)},
+)
+def download(job_id: JobId, name: FileName, request: Request, api: UseApi, caller: Reads) -> Response:
+    """Download a file of a successful job."""
+    row = api.job(job_id, caller)
+    _check_successful(row)
+    return _download(api, request, row, name)
+
+
+@router.get("/{job_id}/deliveries", responses=problems(401, 403, 404, 429))
+def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
+    """List the messages to the job's webhook, and how each attempt to deliver them ended."""
+    return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
+
+
+@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
+def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
+    """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
+    row = api.jobs.find(job_id, caller.tenant)
+    if row is None:
+        raise JobNotFound(f"no job has the id {job_id!r}")
+    if row.status.is_final:
+        api.jobs.remove(job_id)
+        api.blobs.remove_results(job_id)  # also the second time: the first may have been cut off between the two
+    elif not api.jobs.dismiss(job_id, row.status):
+        dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
+
+
+async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
+    deadline = time.monotonic() + seconds
+    while True:
+        row = await run_in_threadpool(api.job, job_id, caller)
+        if row.status.is_final or time.monotonic() >= deadline:
+            return row
+        await asyncio.sleep(WAIT_LOOK_S)
+
+
+def _seconds_to_wait(prefer: str | None) -> int:
+    found = re.search(r"(?:^|[,;\s])wait\s*=\s*(\d{1,9})", prefer or "")
+    return min(int(found[1]), MAX_WAIT_S) if found else 0
+
+
+def _check_successful(row: JobRow) -> None:
+    if row.status is Status.DISMISSED:
+        raise JobDismissed(f"job {row.id} was dismissed; start a new one")
+    if row.status is not Status.SUCCESSFUL:
+        why = "failed, see its results" if row.status is Status.FAILED else f"{row.status}; poll it until it is final"
+        raise JobNotFinal(f"job {row.id} is {why}")
+
+
+def _download(api: Api, request: Request, row: JobRow, name: str, *, inline: bool = False) -> Response:
+    entry = next((entry for entry in row.files or [] if entry["name"] == name), None)
+    if entry is None or row.published_attempt is None:
+        raise FileNotInJob(f"job {row.id} has no file {name!r}; see /v1/jobs/{row.id}/files")
+    etag = f'"{entry["sha256"]}"'
+    if is_known(request, etag):
+        return Response(status_code=304, headers={"ETag": etag})
+    headers = {
+        "Content-Length": str(entry["size"]),
+        "ETag": etag,
+        "Content-Digest": content_digest(entry["sha256"]),
+    }
+    if name == "report.html":  # to be looked at: with nothing that could act
+        headers["Content-Security-Policy"] = REPORT_POLICY
+    elif not inline:
+        headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(name)}"
+    content = api.blobs.read(row.id, row.published_attempt, name)
+    return StreamingResponse(content, media_type=entry["media_type"], headers=headers)

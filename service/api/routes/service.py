@@ -1,0 +1,72 @@
+"""The service itself: probes, version, limits, and what is at the root."""
+
+import shutil
+
+from fastapi import APIRouter, Response
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+
+from pipeline import Format
+from service import version
+from service.api.dependencies import UseApi
+from service.api.identity import Admins, Reads
+from service.api.problems import problems
+from service.contract.errors import NotReady
+from service.contract.job_types import JOB_TYPES
+from service.contract.schemas import Health, Limits, Version
+from service.settings import MIB
+
+router = APIRouter(tags=["service"])
+
+WORKER_SILENT_MS = 15_000
+
+
+@router.get("/livez")
+def livez() -> Health:
+    """Say that the process answers."""
+    return Health()
+
+
+@router.get("/readyz", responses=problems(503))
+def readyz(api: UseApi) -> Health:
+    """Say that jobs are taken and run: the database answers, a worker lives and the disk has room."""
+    if not api.jobs.has_worker(WORKER_SILENT_MS):
+        raise NotReady("no worker is alive; jobs are accepted and wait for one")
+    free_mib = shutil.disk_usage(api.settings.data_dir).free // MIB
+    if free_mib < api.settings.min_free_disk_mib:
+        raise NotReady(
+            f"{free_mib} MiB are free on the data volume, CUSP_MIN_FREE_DISK_MIB asks for {api.settings.min_free_disk_mib}: "
+            "make room, or lower CUSP_RETENTION_H"
+        )
+    return Health()
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}}, **problems(401, 403, 429)},
+)
+def metrics(api: UseApi, _: Admins) -> Response:
+    """Say how it goes, for Prometheus; with API keys, to one with the scope `admin`."""
+    return Response(api.metrics.exposition(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+@router.get("/version")
+def get_version() -> Version:
+    """Say what is running."""
+    return Version(version=version.VERSION)
+
+
+@router.get("/v1/limits", responses=problems(401, 403, 429))
+def limits(api: UseApi, _: Reads) -> Limits:
+    """Say what this server accepts."""
+    return Limits(
+        max_upload_mib=api.settings.max_upload_mib,
+        job_time_limit_s=api.settings.job_time_limit_s,
+        job_memory_limit_mib=api.settings.job_memory_limit_mib,
+        queue_limit=api.settings.queue_limit,
+        tenant_queue_limit=api.settings.tenant_queue_limit,
+        rate_limit_per_s=api.settings.rate_limit_per_s,
+        parallel_jobs=api.settings.jobs,
+        job_types=list(JOB_TYPES),
+        formats=[each.value for each in Format],
+    )

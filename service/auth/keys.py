@@ -1,0 +1,150 @@
+"""API keys: who may do what, for whom. Only a hash of a key's secret is stored; the key itself is shown once.
+
+A service where no key was ever made asks for none and has one tenant; from the first key on, every request needs one.
+Revoking the last key does not open the service again.
+"""
+
+import hashlib
+import hmac
+import re
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from sqlalchemy import JSON, BigInteger, Engine, String, select, update
+from sqlalchemy.orm import Mapped, mapped_column, sessionmaker
+
+from service.jobs.models import DEFAULT_TENANT, Base, now_ms
+from service.settings import ServiceSettings
+
+PREFIX = "cusp"
+TENANT = re.compile(r"[a-z0-9][a-z0-9_.-]{0,63}")
+
+
+class Scope(StrEnum):
+    """What a key allows; `admin` all of it."""
+
+    WRITE = "jobs:write"
+    READ = "jobs:read"
+    ADMIN = "admin"
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who asks. key_id : None where no key is asked for"""
+
+    tenant: str
+    scopes: frozenset[Scope]
+    key_id: str | None
+
+    def may(self, scope: Scope) -> bool:
+        return scope in self.scopes or Scope.ADMIN in self.scopes
+
+
+#: Of a service without keys.
+ANYBODY = Caller(DEFAULT_TENANT, frozenset(Scope), None)
+
+
+class KeyRow(Base):
+    """A key. Its secret has 256 random bits, so one plain SHA-256 of it tells nothing."""
+
+    __tablename__ = "api_keys"
+
+    id: Mapped[str] = mapped_column(String(16), primary_key=True)
+    tenant: Mapped[str] = mapped_column(String(64))
+    scopes: Mapped[list[str]] = mapped_column(JSON)
+    name: Mapped[str] = mapped_column(String(200))
+    secret_sha256: Mapped[str] = mapped_column(String(64))
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+    revoked_ms: Mapped[int | None] = mapped_column(BigInteger)
+
+
+class BadTenant(ValueError):
+    """The name of a tenant that cannot be one."""
+
+
+class Exposed(Exception):
+    """The service would be open to other machines."""
+
+
+class KeyStore:
+    """The keys of one database. Safe to share between threads."""
+
+    def __init__(self, engine: Engine, clock_ms: Callable[[], int] = now_ms) -> None:
+        self._session = sessionmaker(engine, expire_on_commit=False)
+        self._clock_ms = clock_ms
+
+    def create(self, tenant: str, scopes: Sequence[Scope], name: str = "") -> tuple[KeyRow, str]:
+        """A new key, and its text: the only time that it is seen.
+
+        Raises
+        ------
+        BadTenant
+        """
+        if not TENANT.fullmatch(tenant):
+            raise BadTenant(
+                f"tenant {tenant!r}: up to 64 small letters, digits and . _ -, the first a letter or a digit"
+            )
+        key_id, secret = secrets.token_hex(6), secrets.token_urlsafe(32)
+        row = KeyRow(
+            id=key_id,
+            tenant=tenant,
+            scopes=sorted(scopes),
+            name=name,
+            secret_sha256=_hash(secret),
+            created_ms=self._clock_ms(),
+        )
+        with self._session.begin() as session:
+            session.add(row)
+        return row, f"{PREFIX}_{key_id}_{secret}"
+
+    def all(self) -> Sequence[KeyRow]:
+        """Every key that was made, revoked ones too, oldest first."""
+        with self._session() as session:
+            return session.scalars(select(KeyRow).order_by(KeyRow.created_ms, KeyRow.id)).all()
+
+    def revoke(self, key_id: str) -> bool:
+        """From now on the key is refused. False when there is none, or it was revoked before."""
+        with self._session.begin() as session:
+            done = session.execute(
+                update(KeyRow)
+                .where(KeyRow.id == key_id, KeyRow.revoked_ms.is_(None))
+                .values(revoked_ms=self._clock_ms())
+                .returning(KeyRow.id)
+            )
+            return done.scalar_one_or_none() is not None
+
+    def are_asked_for(self) -> bool:
+        """True once a key was made."""
+        with self._session() as session:
+            return session.scalar(select(KeyRow.id).limit(1)) is not None
+
+    def caller(self, key: str) -> Caller | None:
+        """Whose key this is; None when it is none, or revoked."""
+        prefix, _, rest = key.partition("_")
+        key_id, _, secret = rest.partition("_")
+        with self._session() as session:
+            row = session.get(KeyRow, key_id) if prefix == PREFIX else None
+        is_right = hmac.compare_digest(_hash(secret), row.secret_sha256 if row else _hash(""))
+        if row is None or not is_right or row.revoked_ms is not None:
+            return None
+        return Caller(row.tenant, frozenset(Scope(scope) for scope in row.scopes), row.id)
+
+
+def _hash(secret: str) -> str:
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+def check_exposure(settings: ServiceSettings, keys: KeyStore) -> None:
+    """Without keys only this machine may ask.
+
+    Raises
+    ------
+    Exposed
+    """
+    if settings.is_exposed and not keys.are_asked_for():
+        raise Exposed(
+            f"host {settings.host} is reachable from other machines and there are no API keys; make one by `cusp keys create "
+            "--tenant NAME`, or listen on 127.0.0.1, or say CUSP_ALLOW_OPEN=1 (--allow-open) where a firewall or a proxy guards it"
+        )

@@ -1,0 +1,71 @@
+"""One part of the service in a process of its own: `python -m service.cli.part api|worker [--parent PID]`.
+
+`cusp up` starts both; `cusp api` and `cusp worker` become one. Apart from the command line, whose libraries the API would
+carry about for nothing.
+"""
+
+import os
+import sys
+from typing import NoReturn
+
+from pydantic import ValidationError
+
+from service.execution.process import die_with_parent, keep_secrets
+from service.logs import set_up_logs
+from service.settings import ServiceSettings
+
+
+def run_part(name: str, parent: int) -> int:
+    """Run until it is told to stop. parent : pid of `cusp up`, which prepared all, and with which this ends; 0: alone"""
+    keep_secrets()
+    try:
+        settings = ServiceSettings()
+    except ValidationError as error:
+        return refuse("; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()))
+    set_up_logs(settings, name)
+    if parent:
+        die_with_parent(parent)
+        return _run(name, settings)
+    from service.auth.keys import Exposed
+    from service.execution.supervisor import AlreadyRunning, NotApart, prepare
+    from service.storage.database import NoDatabase
+
+    try:
+        lock = prepare(settings, name)
+    except (AlreadyRunning, Exposed, NotApart, NoDatabase) as error:
+        return refuse(str(error))
+    from sqlalchemy.exc import DBAPIError
+
+    with lock:
+        try:
+            return _run(name, settings)
+        except DBAPIError as error:  # while it starts; later a part waits for its database
+            return refuse(f"the database went away during the start: {str(error.orig).strip()}; start this again")
+
+
+def refuse(reason: str) -> int:
+    """Say why not, in one line. Returns the exit code."""
+    print(f"cusp: {reason}", file=sys.stderr)  # noqa: T201 (for the terminal, before or instead of a log)
+    return 1
+
+
+def become(name: str) -> NoReturn:
+    """Go on as this part, alone: the same process, without what was loaded so far."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os.execv(sys.executable, [sys.executable, "-m", "service.cli.part", name])  # noqa: S606 (our own module)
+
+
+def _run(name: str, settings: ServiceSettings) -> int:
+    if name == "api":
+        from service.api.server import run_api
+
+        return run_api(settings)
+    from service.execution.worker_process import run_worker
+
+    return run_worker(settings)
+
+
+if __name__ == "__main__":
+    name, parent = sys.argv[1], int(sys.argv[3]) if sys.argv[2:3] == ["--parent"] else 0
+    os._exit(run_part(name, parent))  # a thread of DBOS that waits must not keep the process

@@ -1,0 +1,160 @@
+"""The client with `await`.
+
+async with AsyncClient("http://127.0.0.1:8000") as cusp:
+    jobs = [await cusp.register("design.stl", scan) for scan in scans]
+    results = await asyncio.gather(*(job.result() for job in jobs))
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Generic, Self, Unpack
+
+import httpx
+from tenacity import AsyncRetrying
+
+from pipeline import LandmarksResult, RegistrationResult, StudyResult
+from service.client import requests as calls
+from service.client.requests import DEFAULT_SERVER, PATIENCE_S, Call, JobOptions
+from service.client.sync import Mesh, R, Result, wait_for
+from service.contract.schemas import Blob, FileEntry, Job, JobType
+
+CHUNK = 1 << 20
+
+
+class AsyncClient:
+    """Speaks to one server, many calls at a time. Close it, or use it as a context manager."""
+
+    def __init__(
+        self, server: str = DEFAULT_SERVER, api_key: str | None = None, *, patience_s: float = PATIENCE_S
+    ) -> None:
+        """As `Client`."""
+        self.server = server.rstrip("/")
+        self._patience_s = patience_s
+        self._http = httpx.AsyncClient(**calls.connection(self.server, api_key))
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Drop the connections."""
+        await self._http.aclose()
+
+    async def register(
+        self, design: Mesh, scan: Mesh, **options: Unpack[JobOptions]
+    ) -> "AsyncRunning[RegistrationResult]":
+        """Start a registration. options : as in the API, `tolerance_mm=0.1, label="part 42"`."""
+        job = await self._start("registration", {"design": design, "scan": scan}, options)
+        return AsyncRunning(self, job, RegistrationResult)
+
+    async def landmarks(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "AsyncRunning[LandmarksResult]":
+        """Start a search for segments and landmarks."""
+        return AsyncRunning(self, await self._start("landmarks", {"mesh": mesh}, options), LandmarksResult)
+
+    async def study(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "AsyncRunning[StudyResult]":
+        """Start a study of what landmarks are worth."""
+        return AsyncRunning(self, await self._start("study", {"mesh": mesh}, options), StudyResult)
+
+    async def put_blob(self, mesh: Path | str) -> Blob:
+        """Upload one mesh for later jobs."""
+        return await self._do(calls.put_blob(Path(mesh)))
+
+    async def job(self, job_id: str) -> Job:
+        """The status now."""
+        return await self._do(calls.job(job_id))
+
+    async def results(self, job_id: str) -> dict[str, Any]:
+        """results.json; of a failed job, raises its problem."""
+        return await self._do(calls.results(job_id))
+
+    async def files(self, job_id: str) -> list[FileEntry]:
+        """What can be downloaded."""
+        return await self._do(calls.files(job_id))
+
+    async def download(self, job_id: str, name: str, path: Path) -> Path:
+        """Stream one file of the job to `path`; a broken transfer leaves no file behind."""
+        partial = path.with_name(path.name + ".part")
+        try:
+            async with self._http.stream("GET", f"/v1/jobs/{job_id}/files/{name}") as answer:
+                if answer.is_error:
+                    await answer.aread()
+                    raise calls.problem_of(answer)
+                with partial.open("wb") as file:
+                    async for chunk in answer.aiter_bytes():
+                        await asyncio.to_thread(file.write, chunk)
+        except httpx.TransportError as error:
+            raise calls.unreachable(self.server, error) from error
+        else:
+            return partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    async def dismiss(self, job_id: str) -> None:
+        """Drop, kill or remove the job, whichever applies."""
+        await self._do(calls.dismiss(job_id))
+
+    async def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
+        """Every mesh as a blob: a form would be read from the disk between the others' calls."""
+        sent = {name: mesh if isinstance(mesh, Blob) else await self.put_blob(mesh) for name, mesh in meshes.items()}
+        return await self._do(calls.submit(job_type, sent, options))
+
+    async def _do(self, call: Call[R]) -> R:
+        return await AsyncRetrying(**calls.patience(self._patience_s, call))(self._once, call)
+
+    async def _once(self, call: Call[R]) -> R:
+        with ExitStack() as opened:
+            given = call.request(opened)
+            if "content" in given:
+                given["content"] = _chunks(given["content"])
+            try:
+                return call.answer(await self._http.request(call.method, call.path, **given))
+            except httpx.TransportError as error:
+                raise calls.unreachable(self.server, error) from error
+
+
+@dataclass(frozen=True, slots=True)
+class AsyncRunning(Generic[Result]):
+    """A job that was started. job : its status when it was accepted"""
+
+    client: AsyncClient
+    job: Job
+    _type: type[Result]
+
+    @property
+    def id(self) -> str:
+        """Of the job: all that another process needs."""
+        return self.job.id
+
+    async def result(self, timeout_s: float | None = None) -> Result:
+        """Wait for the end, and return the results; raises as `Running.result`."""
+        deadline = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        while not (await self.client._do(calls.job(self.id, wait_for(deadline)))).is_final:
+            if time.monotonic() >= deadline:
+                raise TimeoutError(f"job {self.id} is not final after {timeout_s} s")
+        return await self.client._do(calls.typed_results(self.id, self._type))
+
+    async def download(self, folder: Path | str) -> list[Path]:
+        """Every file of the job, into a folder that is made when it is not there."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        found = await self.client.files(self.id)
+        return [await self.client.download(self.id, file.name, target / file.name) for file in found]
+
+    async def dismiss(self) -> None:
+        """Stop it."""
+        await self.client.dismiss(self.id)
+
+
+async def _chunks(file: BinaryIO) -> AsyncIterator[bytes]:
+    """Read beside the event loop."""
+    while chunk := await asyncio.to_thread(file.read, CHUNK):
+        yield chunk

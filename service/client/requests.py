@@ -1,0 +1,234 @@
+"""What a client says and hears, apart from how it is sent: shared by `Client` and `AsyncClient`.
+
+A call is sent again when the service did not answer or said 429 or 503, for as long as the client is patient. Sending
+a mesh twice does no harm: a blob has the id of its content, and a new job carries an `Idempotency-Key` of its own.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from io import BufferedReader
+from pathlib import Path
+from typing import Any, BinaryIO, Generic, Literal, TypedDict, TypeVar
+from uuid import uuid4
+
+import httpx
+from pydantic import BaseModel, ValidationError
+from tenacity import RetryCallState, retry_if_exception, stop_after_delay, wait_exponential
+
+from pipeline import Unit
+from service.contract.job_types import MESHES
+from service.contract.schemas import Blob, FileEntry, FileList, Job, JobType, Problem
+
+DEFAULT_SERVER = "http://127.0.0.1:8000"
+CONNECT_TIMEOUT_S = 5.0
+TRANSFER_TIMEOUT_S = 300.0  # without a byte moving
+PATIENCE_S = 10.0
+BUSY = (429, 503)
+
+R = TypeVar("R")
+Model = TypeVar("Model", bound=BaseModel)
+OnSent = Callable[[int], None]
+
+
+class JobOptions(TypedDict, total=False):
+    """`options` of a request; what is left out has its default. Units: `{"scan": "inch"}`; webhook: `{"url": ...}`."""
+
+    preset: Literal["default", "paper"]
+    settings: Mapping[str, Any]
+    units: Mapping[str, Unit]
+    tolerance_mm: float | None
+    study: Mapping[str, Any]
+    seed: int
+    label: str | None
+    webhook: Mapping[str, str]
+
+
+class ServiceProblem(Exception):
+    """The service said no; `problem` is its RFC 9457 document, `retry_after_s` when to ask again, if it said so."""
+
+    def __init__(self, problem: Problem, retry_after_s: float | None = None) -> None:
+        self.problem = problem
+        self.retry_after_s = retry_after_s
+        super().__init__(f"{problem.title} ({problem.status} {problem.code}): {problem.detail}")
+
+
+class ServiceUnreachable(Exception):
+    """Nobody answers at the address."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[R]):
+    """One request, and what its answer means.
+
+    files : parts of a form; body : a file that is the whole body; on_sent : hears how many more bytes of them were read;
+    is_repeatable : it may be sent again although it may have arrived
+    """
+
+    method: str
+    path: str
+    parse: Callable[[httpx.Response], R]
+    params: Mapping[str, str] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    document: Any = None
+    files: Mapping[str, Path] = field(default_factory=dict)
+    form: Mapping[str, str] = field(default_factory=dict)
+    body: Path | None = None
+    on_sent: OnSent | None = None
+    is_repeatable: bool = True
+
+    def request(self, opened: ExitStack) -> dict[str, Any]:
+        """Arguments for httpx; files are opened on the stack, anew for each attempt, and streamed."""
+        given: dict[str, Any] = {"params": dict(self.params), "headers": dict(self.headers)}
+        if self.document is not None:
+            given["json"] = self.document
+        if self.files:
+            given["files"] = {name: (path.name, self._open(path, opened)) for name, path in self.files.items()}
+            given["data"] = dict(self.form)
+        if self.body is not None:
+            given["content"] = self._open(self.body, opened)
+            given["headers"]["Content-Length"] = str(self.body.stat().st_size)
+        return given
+
+    def _open(self, path: Path, opened: ExitStack) -> BinaryIO:
+        file = opened.enter_context(path.open("rb"))
+        return file if self.on_sent is None else _Watched(file, self.on_sent)
+
+    def answer(self, response: httpx.Response) -> R:
+        """Raises ServiceProblem when the service said no."""
+        if response.is_error:
+            raise problem_of(response)
+        return self.parse(response)
+
+
+class _Watched(BufferedReader):
+    """A file that tells how many bytes are read from it."""
+
+    def __init__(self, file: BufferedReader, on_sent: OnSent) -> None:
+        super().__init__(file.raw)
+        self._on_sent = on_sent
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        data = super().read(size)
+        self._on_sent(len(data))
+        return data
+
+
+def submit(
+    job_type: JobType,
+    meshes: Mapping[str, Path | Blob],
+    options: Mapping[str, Any],
+    *,
+    idempotency_key: str | None = None,
+    on_sent: OnSent | None = None,
+) -> Call[Job]:
+    """meshes : files, or all of them blobs that were sent before."""
+    key = {"Idempotency-Key": idempotency_key or uuid4().hex}
+    if set(meshes) != set(MESHES[job_type]):
+        wanted = " and ".join(MESHES[job_type])
+        raise ValueError(f"a {job_type} job takes {wanted}, not {' and '.join(meshes) or 'nothing'}")
+    blobs = {name: {"blob": mesh.id} for name, mesh in meshes.items() if isinstance(mesh, Blob)}
+    files = {name: mesh for name, mesh in meshes.items() if isinstance(mesh, Path)}
+    if not files:
+        document = {"type": job_type, **blobs, "options": dict(options)}
+        return Call("POST", "/v1/jobs", _job, headers=key, document=document)
+    form = {"type": job_type, "options": json.dumps(dict(options))}
+    return Call("POST", "/v1/jobs", _job, headers=key, files=files, form=form, on_sent=on_sent)
+
+
+def put_blob(mesh: Path, on_sent: OnSent | None = None) -> Call[Blob]:
+    return Call("PUT", "/v1/blobs", _blob, params={"filename": mesh.name}, body=mesh, on_sent=on_sent)
+
+
+def job(job_id: str, wait_s: int = 0) -> Call[Job]:
+    """wait_s : the service answers when the job is final, or after so many seconds."""
+    return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
+
+
+def results(job_id: str) -> Call[dict[str, Any]]:
+    return Call("GET", f"/v1/jobs/{job_id}/results", _document)
+
+
+def typed_results(job_id: str, model: type[Model]) -> Call[Model]:
+    return Call("GET", f"/v1/jobs/{job_id}/results", lambda answer: model.model_validate_json(answer.content))
+
+
+def files(job_id: str) -> Call[list[FileEntry]]:
+    return Call("GET", f"/v1/jobs/{job_id}/files", lambda answer: FileList.model_validate_json(answer.content).files)
+
+
+def dismiss(job_id: str) -> Call[None]:
+    """Not sent again: a second one removes the job that the first one stopped."""
+    return Call("DELETE", f"/v1/jobs/{job_id}", lambda _: None, is_repeatable=False)
+
+
+def connection(server: str, api_key: str | None, *, keep_alive: bool = True) -> dict[str, Any]:
+    """Arguments of an httpx client. api_key : by default `CUSP_API_KEY` of the environment, if any; keep_alive : False
+    leaves no connection open between two calls, so that nobody needs to close the client
+    """
+    key = api_key or os.environ.get("CUSP_API_KEY")
+    return {
+        "base_url": server,
+        "timeout": httpx.Timeout(TRANSFER_TIMEOUT_S, connect=CONNECT_TIMEOUT_S),
+        "headers": {"Authorization": f"Bearer {key}"} if key else {},
+        "limits": httpx.Limits(max_keepalive_connections=None if keep_alive else 0),
+        # A proxy of the environment is for the world outside; it cannot reach this machine's own loopback.
+        "trust_env": httpx.URL(server).host not in ("127.0.0.1", "::1", "localhost"),
+    }
+
+
+def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
+    """Arguments of tenacity's retrying: what passes is tried again, for so long."""
+
+    def passes(error: BaseException) -> bool:
+        if isinstance(error, ServiceProblem):
+            return error.problem.status in BUSY
+        if not isinstance(error, ServiceUnreachable):
+            return False
+        return call.is_repeatable or isinstance(error.__cause__, httpx.ConnectError)
+
+    return {"retry": retry_if_exception(passes), "stop": stop_after_delay(seconds), "wait": _pause_s, "reraise": True}
+
+
+def _pause_s(state: RetryCallState) -> float:
+    """What the service asked for, else longer each time."""
+    error = None if state.outcome is None else state.outcome.exception()
+    asked = error.retry_after_s if isinstance(error, ServiceProblem) else None
+    return wait_exponential(0.2, max=2)(state) if asked is None else asked
+
+
+def unreachable(server: str, error: httpx.TransportError) -> ServiceUnreachable:
+    reason = str(error) or type(error).__name__
+    return ServiceUnreachable(f"no answer from {server}: {reason}; start the service with `cusp up`")
+
+
+def problem_of(answer: httpx.Response) -> ServiceProblem:
+    """The problem of an answer; of something that is not ours (a proxy), one made from its status."""
+    asked = answer.headers.get("Retry-After", "")
+    retry_after_s = float(asked) if asked.isdigit() else None
+    try:
+        return ServiceProblem(Problem.model_validate_json(answer.content), retry_after_s)
+    except ValidationError:
+        told = {
+            "type": "about:blank",
+            "title": answer.reason_phrase or "HTTP error",
+            "status": answer.status_code,
+            "detail": answer.text[:500],
+            "code": "http_error",
+        }
+        return ServiceProblem(Problem.model_validate(told), retry_after_s)
+
+
+def _job(answer: httpx.Response) -> Job:
+    return Job.model_validate_json(answer.content)
+
+
+def _blob(answer: httpx.Response) -> Blob:
+    return Blob.model_validate_json(answer.content)
+
+
+def _document(answer: httpx.Response) -> dict[str, Any]:
+    document: dict[str, Any] = answer.json()
+    return document

@@ -1,0 +1,253 @@
+"""Client of the HTTP API: what `cusp submit` and `cusp demo` use, and yours if you like.
+
+    from service.client.sync import register
+
+    print(register("design.stl", "scan.stl", tolerance_mm=0.1).result().verdict.status)
+
+    with Client("http://127.0.0.1:8000") as cusp:
+        design = cusp.put_blob("design.stl")                      # sent once, used for a thousand scans
+        jobs = [cusp.register(design, scan) for scan in scans]
+        for job in jobs:
+            result = job.result()                                 # typed; of a failed job ServiceProblem is raised
+            print(result.verdict.status, result.metrics.rmse_mm)
+
+`service.client.aio` has the same with `await`.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar, Unpack
+
+import httpx
+from tenacity import Retrying
+
+from pipeline import LandmarksResult, RegistrationResult, StudyResult
+from service.client import requests as calls
+from service.client.requests import (
+    DEFAULT_SERVER,
+    PATIENCE_S,
+    Call,
+    JobOptions,
+    OnSent,
+    ServiceProblem,
+    ServiceUnreachable,
+)
+from service.contract.schemas import Blob, FileEntry, Job, JobType
+
+__all__ = ["Client", "Running", "ServiceProblem", "ServiceUnreachable", "register"]
+
+R = TypeVar("R")
+Result = TypeVar("Result", RegistrationResult, LandmarksResult, StudyResult)
+Mesh = Path | str | Blob
+WAIT_S = 20  # that one request may stay open
+
+
+def _ignore(_: Job) -> None:
+    """Listener for callers that do not watch."""
+
+
+class Client:
+    """Speaks to one server. Not thread-safe; close it, or use it as a context manager."""
+
+    def __init__(
+        self,
+        server: str = DEFAULT_SERVER,
+        api_key: str | None = None,
+        *,
+        patience_s: float = PATIENCE_S,
+        keep_alive: bool = True,
+    ) -> None:
+        """api_key : by default `CUSP_API_KEY` of the environment, if any; patience_s : how long a call is tried again
+        while nobody answers, or the service says that it is busy; keep_alive : as `calls.connection`
+        """
+        self.server = server.rstrip("/")
+        self._patience_s = patience_s
+        self._http = httpx.Client(**calls.connection(self.server, api_key, keep_alive=keep_alive))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Drop the connections."""
+        self._http.close()
+
+    def is_ready(self) -> bool:
+        """True when the service answers and can take jobs."""
+        try:
+            return self._http.get("/readyz").status_code == httpx.codes.OK
+        except httpx.TransportError:
+            return False
+
+    def register(self, design: Mesh, scan: Mesh, **options: Unpack[JobOptions]) -> "Running[RegistrationResult]":
+        """Start a registration. options : as in the API, `tolerance_mm=0.1, label="part 42"`."""
+        return Running(self, self._start("registration", {"design": design, "scan": scan}, options), RegistrationResult)
+
+    def landmarks(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[LandmarksResult]":
+        """Start a search for segments and landmarks."""
+        return Running(self, self._start("landmarks", {"mesh": mesh}, options), LandmarksResult)
+
+    def study(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[StudyResult]":
+        """Start a study of what landmarks are worth."""
+        return Running(self, self._start("study", {"mesh": mesh}, options), StudyResult)
+
+    def submit(
+        self,
+        mesh: Path,
+        scan: Path | None = None,
+        options: Mapping[str, Any] | None = None,
+        *,
+        job_type: JobType = "registration",
+        on_sent: OnSent | None = None,
+    ) -> Job:
+        """Upload the files as `curl` would, and start a job. Returns at once, with the job accepted.
+
+        Parameters
+        ----------
+        mesh : the design of a registration; of the other types, the mesh
+        scan : of a registration only
+        on_sent : hears how many more bytes of the files were sent
+        """
+        first = "design" if job_type == "registration" else "mesh"
+        given: dict[str, Path | Blob] = {first: mesh} if scan is None else {first: mesh, "scan": scan}
+        return self._do(calls.submit(job_type, given, options or {}, on_sent=on_sent))
+
+    def put_blob(self, mesh: Path | str) -> Blob:
+        """Upload one mesh for later jobs."""
+        return self._do(calls.put_blob(Path(mesh)))
+
+    def job(self, job_id: str) -> Job:
+        """The status now."""
+        return self._do(calls.job(job_id))
+
+    def wait(
+        self,
+        job_id: str,
+        on_update: Callable[[Job], None] = _ignore,
+        *,
+        interval_s: float = 0.2,
+        timeout_s: float | None = None,
+    ) -> Job:
+        """Poll until the job is final; `on_update` hears every status, the last one included.
+
+        Raises
+        ------
+        TimeoutError
+            When the job is not final after `timeout_s`; it goes on running.
+        """
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            job = self.job(job_id)
+            on_update(job)
+            if job.is_final:
+                return job
+            if deadline is not None and time.monotonic() > deadline:
+                raise TimeoutError(f"job {job_id} is {job.status} after {timeout_s} s")
+            time.sleep(interval_s)
+
+    def results(self, job_id: str) -> dict[str, Any]:
+        """results.json; of a failed job, raises its problem."""
+        return self._do(calls.results(job_id))
+
+    def files(self, job_id: str) -> list[FileEntry]:
+        """What can be downloaded."""
+        return self._do(calls.files(job_id))
+
+    def download(self, job_id: str, name: str, path: Path) -> Path:
+        """Stream one file of the job to `path`; a broken transfer leaves no file behind."""
+        partial = path.with_name(path.name + ".part")
+        try:
+            with self._http.stream("GET", f"/v1/jobs/{job_id}/files/{name}") as answer:
+                if answer.is_error:
+                    answer.read()
+                    raise calls.problem_of(answer)
+                with partial.open("wb") as file:
+                    for chunk in answer.iter_bytes():
+                        file.write(chunk)
+        except httpx.TransportError as error:
+            raise calls.unreachable(self.server, error) from error
+        else:
+            return partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def dismiss(self, job_id: str) -> None:
+        """Drop, kill or remove the job, whichever applies."""
+        self._do(calls.dismiss(job_id))
+
+    def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
+        given = {name: mesh if isinstance(mesh, Blob) else Path(mesh) for name, mesh in meshes.items()}
+        if any(isinstance(mesh, Blob) for mesh in given.values()):  # then all are sent as blobs
+            given = {name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh for name, mesh in given.items()}
+        return self._do(calls.submit(job_type, given, options))
+
+    def _do(self, call: Call[R]) -> R:
+        answer: R = Retrying(**calls.patience(self._patience_s, call))(self._once, call)
+        return answer
+
+    def _once(self, call: Call[R]) -> R:
+        with ExitStack() as opened:
+            try:
+                return call.answer(self._http.request(call.method, call.path, **call.request(opened)))
+            except httpx.TransportError as error:
+                raise calls.unreachable(self.server, error) from error
+
+
+@dataclass(frozen=True, slots=True)
+class Running(Generic[Result]):
+    """A job that was started. job : its status when it was accepted"""
+
+    client: Client
+    job: Job
+    _type: type[Result]
+
+    @property
+    def id(self) -> str:
+        """Of the job: all that another process needs."""
+        return self.job.id
+
+    def result(self, timeout_s: float | None = None) -> Result:
+        """Wait for the end, and return the results.
+
+        Raises
+        ------
+        ServiceProblem
+            Of a job that failed or was dismissed, why.
+        TimeoutError
+            When it is not final after `timeout_s`; it goes on running.
+        """
+        deadline = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        while not self.client._do(calls.job(self.id, wait_for(deadline))).is_final:
+            if time.monotonic() >= deadline:
+                raise TimeoutError(f"job {self.id} is not final after {timeout_s} s")
+        return self.client._do(calls.typed_results(self.id, self._type))
+
+    def download(self, folder: Path | str) -> list[Path]:
+        """Every file of the job, into a folder that is made when it is not there."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        return [self.client.download(self.id, file.name, target / file.name) for file in self.client.files(self.id)]
+
+    def dismiss(self) -> None:
+        """Stop it."""
+        self.client.dismiss(self.id)
+
+
+def wait_for(deadline: float) -> int:
+    """Whole seconds that one request may wait."""
+    return max(1, int(min(WAIT_S, deadline - time.monotonic())))
+
+
+def register(
+    design: Mesh, scan: Mesh, *, server: str = DEFAULT_SERVER, api_key: str | None = None, **options: Unpack[JobOptions]
+) -> Running[RegistrationResult]:
+    """Start a registration: `register("design.stl", "scan.stl", tolerance_mm=0.1).result()`."""
+    return Client(server, api_key, keep_alive=False).register(design, scan, **options)

@@ -1,0 +1,60 @@
+"""The types of jobs: which meshes each takes, and which options mean something for it.
+
+What a type has no use for is refused by name: a client that sends it expects something that would not happen.
+"""
+
+from collections.abc import Iterable
+from typing import get_args
+
+from service.contract.errors import InvalidOptions, InvalidRequest, UnsupportedType
+from service.contract.schemas import JobType, Options, ProblemItem
+
+JOB_TYPES: tuple[JobType, ...] = get_args(JobType)
+MESHES: dict[JobType, tuple[str, ...]] = {
+    "registration": ("design", "scan"),
+    "landmarks": ("mesh",),
+    "study": ("mesh",),
+}
+ALL_MESHES = ("design", "scan", "mesh")
+OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {"tolerance_mm": "registration", "study": "study"}
+
+
+def parse_type(given: object) -> JobType:
+    """The type of a job. Raises UnsupportedType."""
+    if given not in JOB_TYPES:
+        raise UnsupportedType(
+            f"type {given!r}: this version runs {', '.join(JOB_TYPES)}; without `type` it is the first"
+        )
+    return given
+
+
+def check_meshes(job_type: JobType, parts: Iterable[str]) -> None:
+    """Raise InvalidRequest when one of `parts` is a mesh of another type of job."""
+    for name in parts:
+        if name in ALL_MESHES and name not in MESHES[job_type]:
+            others = " or ".join(each for each in JOB_TYPES if name in MESHES[each])
+            mine = " and ".join(MESHES[job_type])
+            raise wrong_part(name, f"a {job_type} job takes {mine} instead; {name} is for type {others}")
+
+
+def check_options(job_type: JobType, options: Options) -> None:
+    """Raise InvalidOptions when an option is set that this type of job has no use for."""
+    for name, only in OPTIONS_OF_ONE_TYPE.items():
+        if only != job_type and getattr(options, name) is not None:
+            raise _useless(name, f"a {job_type} job has no use for it; leave it out, or send type {only}")
+    for mesh, unit in options.units:
+        if unit != "auto" and mesh not in MESHES[job_type]:
+            mine = " and ".join(MESHES[job_type])
+            raise _useless(f"units/{mesh}", f"a {job_type} job has no such mesh, only {mine}; leave the unit out")
+
+
+def wrong_part(name: str, detail: str) -> InvalidRequest:
+    """The problem of a part of a request."""
+    return InvalidRequest(f"{name}: {detail}", errors=[ProblemItem(pointer=f"/{name}", detail=detail)])
+
+
+def _useless(path: str, detail: str) -> InvalidOptions:
+    pointer = f"/options/{path}"
+    return InvalidOptions(
+        f"options.{path.replace('/', '.')}: {detail}", errors=[ProblemItem(pointer=pointer, detail=detail)]
+    )

@@ -1,0 +1,103 @@
+"""What a client may ask of a job: checked here, before anything is stored, and said with the name of the wrong key."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import JsonValue, ValidationError
+
+from pipeline import Settings
+from service.contract.errors import BadRequest, InvalidOptions, InvalidRequest
+from service.contract.schemas import Options, ProblemItem
+from service.webhooks.address_guard import ForbiddenAddress, Guard
+
+
+def parse_options(given: object) -> Options:
+    """`options` as sent (JSON text or its content), its settings included.
+
+    Raises
+    ------
+    InvalidOptions, BadRequest
+    """
+    if isinstance(given, str | bytes):
+        given = read_json(given, "options")
+    if not isinstance(given, dict):
+        raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
+    try:
+        options = Options.model_validate(given)
+        settings = resolve_settings(options)
+    except ValidationError as error:
+        prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
+        items = problem_items(error, prefix)
+        raise InvalidOptions(_sentence(items), errors=items) from error
+    if len(set(settings.study.detectors)) < len(settings.study.detectors):
+        where = (
+            "study" if options.study is not None and "detectors" in options.study.model_fields_set else "settings/study"
+        )
+        item = _item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
+        raise InvalidOptions(_sentence([item]), errors=[item])
+    return options
+
+
+def check_webhook(options: Options, guard: Guard) -> None:
+    """Refuse an address that will never be reached. Raises InvalidOptions."""
+    if options.webhook is None:
+        return
+    try:
+        guard.check_url(options.webhook.url)
+    except ForbiddenAddress as error:
+        item = _item("/options/webhook/url", str(error))
+        raise InvalidOptions(_sentence([item]), errors=[item]) from error
+
+
+def resolve_settings(options: Options) -> Settings:
+    """The pipeline's settings: the preset, `settings` over it, `study` over those. Raises ValidationError."""
+    settings = _merged(Settings.preset(options.preset).model_dump(), options.settings)
+    if options.study is not None:
+        settings = _merged(settings, {"study": options.study.model_dump(exclude_unset=True)})
+    return Settings.model_validate(settings)
+
+
+def invalid_request(error: ValidationError) -> InvalidRequest:
+    """The problem of a JSON body that does not fit."""
+    items = problem_items(error, [])
+    return InvalidRequest(_sentence(items), errors=items)
+
+
+def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem]:
+    """Each wrong value with a JSON Pointer to it."""
+    items = []
+    for each in error.errors(include_url=False, include_context=False):
+        words = "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
+        steps = [*prefix, *(str(step) for step in each["loc"])]
+        items.append(_item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words))
+    return items
+
+
+def read_json(text: str | bytes, what: str) -> Any:
+    """What JSON text says. Raises BadRequest."""
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise BadRequest(f"{what}: not JSON ({error}); send a JSON object") from error
+    except RecursionError:
+        raise BadRequest(f"{what}: JSON that is nested too deeply; send a JSON object") from None
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str, Any]:
+    """`over` on `base`, key by key in nested objects; validation of the whole comes after."""
+    merged = dict(base)
+    for key, value in over.items():
+        below = merged.get(key)
+        merged[key] = _merged(below, value) if isinstance(below, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _item(pointer: str, detail: str) -> ProblemItem:
+    return ProblemItem(pointer=pointer, detail=detail[:300])
+
+
+def _sentence(items: list[ProblemItem]) -> str:
+    """`options.seed: Input should be ...`, for each; at most three."""
+    told = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
+    return "; ".join(told) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")

@@ -1,0 +1,55 @@
+"""Why a job's process ended without an answer, in words for its client."""
+
+import os
+import signal
+from typing import Literal
+
+from service.contract.errors import JobCrashed, JobOutOfMemory, JobTimedOut, ServiceError, problem_of
+from service.contract.schemas import Problem
+from service.execution.forked import out_of_memory_detail
+
+NEAR_LIMIT = 0.8  # an abort this close to the memory limit is taken for a failed allocation in native code
+
+SIGNAL_HINTS = {
+    signal.SIGSEGV: "a fault in native code, most often on a damaged mesh: repair the mesh and send it again",
+    signal.SIGBUS: "a fault in native code, or a full disk",
+    signal.SIGABRT: "native code gave up, most often on a damaged mesh: repair the mesh and send it again",
+    signal.SIGKILL: "not by this service: the machine ran out of memory, or somebody killed it; send it again",
+}
+
+
+def explain_exit(
+    status: int | None,
+    by: Literal["time", "memory", "kill"] | str | None,
+    peak_mib: float | None,
+    memory_limit_mib: int,
+    time_limit_s: float,
+) -> Problem:
+    """The problem of a process that ended with wait status `status` (None: nobody saw it end).
+
+    `by` is what this service killed it for, if it did.
+    """
+    return problem_of(_error(status, by, peak_mib, memory_limit_mib, time_limit_s))
+
+
+def _error(
+    status: int | None, by: str | None, peak_mib: float | None, memory_limit_mib: int, time_limit_s: float
+) -> ServiceError:
+    if by == "time":
+        return JobTimedOut(
+            f"the job ran longer than the {time_limit_s:g} s it may take and was stopped; decimate the meshes, "
+            "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
+        )
+    if by == "memory":
+        return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))
+    if status is None:
+        return JobCrashed("the process that jobs are forked from died and took the job along; send it again")
+    if not os.WIFSIGNALED(status):
+        code = os.waitstatus_to_exitcode(status)
+        return JobCrashed(f"the job's process exited with code {code} and without an answer; report it")
+    number = os.WTERMSIG(status)
+    if number == signal.SIGABRT and peak_mib is not None and peak_mib > NEAR_LIMIT * memory_limit_mib:
+        return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))
+    name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+    hint = SIGNAL_HINTS.get(signal.Signals(number), "report it") if number in set(signal.Signals) else "report it"
+    return JobCrashed(f"the job's process was killed by {name}: {hint}")

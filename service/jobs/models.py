@@ -1,0 +1,129 @@
+"""A job as a row, and the only moves its status may make. Our table is the truth; the queue only says what is next."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import uuid_utils
+from sqlalchemy import JSON, BigInteger, Enum, Float, Index, String
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from service.contract.schemas import Status
+
+DEFAULT_TENANT = "default"  # of a service without keys
+MAX_CRASHES = 3  # workers that may die while running a job before the job is taken for the cause
+
+#: Which status may follow which. RUNNING -> ACCEPTED hands a job on whose worker died or stopped.
+MOVES: dict[Status, frozenset[Status]] = {
+    Status.ACCEPTED: frozenset({Status.RUNNING, Status.FAILED, Status.DISMISSED}),
+    Status.RUNNING: frozenset({Status.ACCEPTED, Status.SUCCESSFUL, Status.FAILED, Status.DISMISSED}),
+    Status.SUCCESSFUL: frozenset(),
+    Status.FAILED: frozenset(),
+    Status.DISMISSED: frozenset(),
+}
+
+
+class IllegalMove(Exception):
+    """A status was asked to go where it cannot."""
+
+
+def check_move(before: Status, after: Status) -> None:
+    """Raise IllegalMove unless `after` may follow `before`."""
+    if after not in MOVES[before]:
+        raise IllegalMove(f"a job cannot go from {before} to {after}")
+
+
+# The words themselves as text, so that a person can read the table and a later version can add one.
+_STATUS = Enum(Status, native_enum=False, create_constraint=False, length=16, values_callable=lambda words: list(words))
+
+
+class Base(DeclarativeBase):
+    """Base of the tables that Alembic migrates."""
+
+
+class JobRow(Base):
+    """Times are milliseconds since 1970 (UTC): SQLite and PostgreSQL compare and sort them alike."""
+
+    __tablename__ = "jobs"
+    __table_args__ = (
+        Index("jobs_by_status", "status", "id"),
+        Index("jobs_by_turn", "status", "turn"),
+        Index("jobs_by_ticket", "has_ticket", "status", "turn"),
+        Index("jobs_by_tenant_turn", "tenant", "status", "turn"),
+        Index("jobs_by_label", "label", "id"),
+        Index("jobs_by_tenant", "tenant", "id"),
+    )
+
+    id: Mapped[str] = mapped_column(String(36), primary_key=True)
+    tenant: Mapped[str] = mapped_column(String(64), default=DEFAULT_TENANT)
+    type: Mapped[str] = mapped_column(String(32))
+    status: Mapped[Status] = mapped_column(_STATUS)
+    stage: Mapped[str | None] = mapped_column(String(32))
+    progress: Mapped[float] = mapped_column(Float, default=0.0)
+    message: Mapped[str | None] = mapped_column(String(500))
+    label: Mapped[str | None] = mapped_column(String(200))
+    inputs: Mapped[dict[str, Any]] = mapped_column(JSON)  # mesh name -> {"blob", "filename"}
+    options: Mapped[dict[str, Any]] = mapped_column(JSON)  # schemas.Options
+    attempt: Mapped[int] = mapped_column(default=0)
+    turn: Mapped[int] = mapped_column(default=0)  # place in the queue, the least first; see JobStore
+    has_ticket: Mapped[bool] = mapped_column(default=False)  # of the queue; see TicketDesk
+    crashes: Mapped[int] = mapped_column(default=0)  # attempts that ended with the worker's death
+    worker: Mapped[str | None] = mapped_column(String(100))
+    heartbeat_ms: Mapped[int | None] = mapped_column(BigInteger)
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+    started_ms: Mapped[int | None] = mapped_column(BigInteger)
+    finished_ms: Mapped[int | None] = mapped_column(BigInteger)
+    error: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # schemas.Problem
+    files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
+    published_attempt: Mapped[int | None]
+    removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: gone for clients, the id stays known
+
+
+class BlobRow(Base):
+    """An uploaded mesh, known by its content; of each tenant that sent it."""
+
+    __tablename__ = "blobs"
+
+    tenant: Mapped[str] = mapped_column(String(64), primary_key=True)
+    id: Mapped[str] = mapped_column(String(71), primary_key=True)  # sha256:<hex>
+    size: Mapped[int] = mapped_column(BigInteger)
+    format: Mapped[str] = mapped_column(String(8))
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+
+
+class IdempotencyRow(Base):
+    """What a client's `Idempotency-Key` stands for; request_sha256 : of the inputs' content and the options"""
+
+    __tablename__ = "idempotency_keys"
+
+    tenant: Mapped[str] = mapped_column(String(64), primary_key=True)
+    key: Mapped[str] = mapped_column(String(255), primary_key=True)
+    request_sha256: Mapped[str] = mapped_column(String(64))
+    job_id: Mapped[str] = mapped_column(String(36))
+    created_ms: Mapped[int] = mapped_column(BigInteger)
+
+
+class WorkerRow(Base):
+    """A worker process that was alive at `heartbeat_ms`."""
+
+    __tablename__ = "workers"
+
+    id: Mapped[str] = mapped_column(String(100), primary_key=True)
+    heartbeat_ms: Mapped[int] = mapped_column(BigInteger)
+
+
+def new_id() -> str:
+    """A UUIDv7: sorts by time, also within one millisecond of one process."""
+    return str(uuid_utils.uuid7())
+
+
+def made_ms(job_id: str) -> int | None:
+    """When an id was made, as it says itself; None when it is none of ours."""
+    try:
+        return uuid_utils.UUID(job_id).timestamp
+    except ValueError:
+        return None
+
+
+def now_ms() -> int:
+    """The time as the tables have it."""
+    return int(datetime.now(UTC).timestamp() * 1000)

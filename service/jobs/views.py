@@ -1,0 +1,40 @@
+"""From rows to what clients see."""
+
+from datetime import UTC, datetime
+
+from service.contract.schemas import FileEntry, FileList, Job, JobInputs, Links, Problem
+from service.jobs.models import JobRow
+
+
+def job_of(row: JobRow) -> Job:
+    """The status document of a job."""
+    address = f"/v1/jobs/{row.id}"
+    return Job.model_validate(
+        {
+            "id": row.id,
+            "type": row.type,
+            "status": row.status,
+            "stage": row.stage,
+            "progress": round(row.progress, 1),
+            "message": row.message,
+            "label": row.label,
+            "inputs": {name: row.inputs.get(name) for name in JobInputs.model_fields},
+            "created": time_of(row.created_ms),
+            "started": time_of(row.started_ms),
+            "finished": time_of(row.finished_ms),
+            "attempt": row.attempt,
+            "error": Problem.model_validate(row.error) if row.error else None,
+            "links": Links(self=address, results=f"{address}/results", files=f"{address}/files"),
+        }
+    )
+
+
+def files_of(row: JobRow) -> FileList:
+    """The files of a successful job."""
+    address = f"/v1/jobs/{row.id}/files"
+    return FileList(files=[FileEntry(**entry, href=f"{address}/{entry['name']}") for entry in row.files or []])
+
+
+def time_of(ms: int | None) -> datetime | None:
+    """A table's time as a date and time in UTC."""
+    return None if ms is None else datetime.fromtimestamp(ms / 1000, UTC)

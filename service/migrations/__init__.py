@@ -1,1 +1,0 @@
-"""Alembic's scripts, run by `service.store.migrate` at start."""

@@ -1,0 +1,1 @@
+"""Alembic's scripts, run by `service.storage.database.migrate` at start."""

@@ -1,0 +1,13 @@
+"""Alembic's entry: runs on the connection that `service.storage.database.migrate` opened."""
+
+from alembic import context
+
+from service.jobs.models import Base
+
+context.configure(
+    connection=context.config.attributes["connection"],
+    target_metadata=Base.metadata,
+    render_as_batch=True,  # SQLite cannot alter a column in place
+)
+with context.begin_transaction():
+    context.run_migrations()

@@ -1,0 +1,150 @@
+"""One POST to an address that a client named: guarded, with a deadline, and without an interest in the answer's body.
+
+The name is looked up once and the connection goes to the very address that was judged, so a name that changes its answer
+between the two (DNS rebinding) gains nothing. Redirects are not followed.
+"""
+
+import socket
+import ssl
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from ipaddress import ip_address
+from typing import Any
+from urllib.parse import urlsplit
+
+import certifi
+import httpcore
+
+from service import version
+from service.webhooks.address_guard import ForbiddenAddress, Guard
+from service.webhooks.outbox import Answer
+
+TIMEOUT_S = 10.0  # to connect to an address, and for each read
+TOTAL_S = 40.0  # for all together: well below `webhooks.LEASE_MS`, after which another sender would send it as well
+MAX_RETRY_AFTER_S = 24 * 3600
+
+
+@dataclass(frozen=True, slots=True)
+class Deadline:
+    """A moment after which a receiver that still says something, byte by byte, is left."""
+
+    at: float  # of time.monotonic
+
+    def left(self, at_most: float | None) -> float:
+        """Seconds. Raises httpcore.ReadTimeout when none is left."""
+        left = self.at - time.monotonic()
+        if left <= 0:
+            raise httpcore.ReadTimeout(f"no answer within {TOTAL_S:g} s")
+        return left if at_most is None else min(left, at_most)
+
+
+class HastyStream(httpcore.NetworkStream):
+    """A connection that ends at a deadline, whatever comes."""
+
+    def __init__(self, stream: httpcore.NetworkStream, deadline: Deadline) -> None:
+        self._stream, self._deadline = stream, deadline
+
+    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
+        """See httpcore."""
+        return self._stream.read(max_bytes, self._deadline.left(timeout))
+
+    def write(self, buffer: bytes, timeout: float | None = None) -> None:
+        """See httpcore."""
+        self._stream.write(buffer, self._deadline.left(timeout))
+
+    def close(self) -> None:
+        """See httpcore."""
+        self._stream.close()
+
+    def start_tls(
+        self, ssl_context: ssl.SSLContext, server_hostname: str | None = None, timeout: float | None = None
+    ) -> httpcore.NetworkStream:
+        """See httpcore."""
+        secure = self._stream.start_tls(ssl_context, server_hostname, self._deadline.left(timeout))
+        return HastyStream(secure, self._deadline)
+
+    def get_extra_info(self, info: str) -> Any:
+        """See httpcore."""
+        return self._stream.get_extra_info(info)
+
+
+class GuardedBackend(httpcore.NetworkBackend):
+    """httpcore's way to a socket, with the guard between name and connection. Each connection is used once, so its deadline
+    is the request's.
+    """
+
+    def __init__(self, guard: Guard) -> None:
+        self._guard = guard
+        self._sockets = httpcore.SyncBackend()
+
+    def connect_tcp(
+        self,
+        host: str,
+        port: int,
+        timeout: float | None = None,
+        local_address: str | None = None,
+        socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
+    ) -> httpcore.NetworkStream:
+        """Look the name up, judge every answer, connect to the first that takes us."""
+        deadline = Deadline(time.monotonic() + TOTAL_S)
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError) as error:
+            raise httpcore.ConnectError(f"{host} has no address ({error})") from error
+        addresses = [str(each[4][0]) for each in found]
+        for address in addresses:
+            self._guard.check(host, ip_address(address.partition("%")[0]))
+        refused: Exception = httpcore.ConnectError(f"{host} has no address")
+        for address in dict.fromkeys(addresses):
+            try:
+                seconds = deadline.left(timeout)
+                stream = self._sockets.connect_tcp(address, port, seconds, local_address, socket_options)
+                return HastyStream(stream, deadline)
+            except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
+                refused = error
+        raise refused
+
+    def sleep(self, seconds: float) -> None:
+        """See httpcore."""
+        self._sockets.sleep(seconds)
+
+
+class Poster:
+    """Safe to share between threads. No proxy of the environment is used: it would look names up itself."""
+
+    def __init__(self, guard: Guard) -> None:
+        context = ssl.create_default_context()  # the system's authorities, and SSL_CERT_FILE
+        context.load_verify_locations(certifi.where())
+        self._guard = guard
+        self._pool = httpcore.ConnectionPool(
+            ssl_context=context, network_backend=GuardedBackend(guard), max_connections=32, max_keepalive_connections=0
+        )
+
+    def close(self) -> None:
+        """Drop the connections."""
+        self._pool.close()
+
+    def post(self, url: str, headers: Mapping[str, str], body: bytes) -> Answer:
+        """Never raises for what a receiver does."""
+        begun = time.monotonic()
+        sent: dict[bytes | str, bytes | str] = {
+            "Host": urlsplit(url).netloc,
+            "Content-Type": "application/json",
+            "Content-Length": str(len(body)),
+            "User-Agent": f"cusp/{version.VERSION}",
+        }
+        sent |= dict(headers.items())
+        timeout = dict.fromkeys(("connect", "read", "write", "pool"), TIMEOUT_S)
+        try:
+            self._guard.check_url(url)  # allowed networks may have changed since it was taken
+            with self._pool.stream("POST", url, headers=sent, content=body, extensions={"timeout": timeout}) as answer:
+                told = {key.lower(): value for key, value in answer.headers}
+                waits = told.get(b"retry-after", b"")
+                retry_after_s = min(int(waits), MAX_RETRY_AFTER_S) if waits.isdigit() else 0
+                return Answer(answer.status, None, time.monotonic() - begun, retry_after_s)
+        except ForbiddenAddress as error:
+            return Answer(None, str(error), time.monotonic() - begun, is_forbidden=True)
+        except (httpcore.NetworkError, httpcore.TimeoutException, httpcore.ProtocolError, ValueError) as error:
+            reason = str(error) or type(error).__name__
+            return Answer(None, reason[:300], time.monotonic() - begun)

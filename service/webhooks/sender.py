@@ -1,0 +1,77 @@
+"""The worker's side of webhooks: sends what is due, and writes down how that went."""
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import structlog
+from standardwebhooks import Webhook
+
+from service.contract.schemas import DeliveryState
+from service.jobs.models import now_ms
+from service.webhooks.http_client import Poster
+from service.webhooks.outbox import Deliveries, DeliveryRow
+
+LOOK_INTERVAL_S = 0.5
+SENDERS = 8
+log = structlog.get_logger()
+
+
+def signed_headers(message_id: str, body: str, keys: Sequence[str], at_ms: int) -> dict[str, str]:
+    """The three headers of Standard Webhooks."""
+    at = datetime.fromtimestamp(at_ms // 1000, UTC)
+    return {
+        "webhook-id": message_id,
+        "webhook-timestamp": str(at_ms // 1000),
+        "webhook-signature": " ".join(Webhook(key).sign(message_id, at, body) for key in keys),
+    }
+
+
+@dataclass(slots=True)
+class Sender:
+    """Sends what is due, some at a time, until `stop`; in any number of workers."""
+
+    deliveries: Deliveries
+    poster: Poster
+    clock_ms: Callable[[], int] = now_ms
+
+    def run(self, stop: threading.Event) -> None:
+        """Until `stop`. Messages that are being sent then are sent again, later or by another."""
+        with ThreadPoolExecutor(SENDERS, thread_name_prefix="webhook") as pool:
+            busy = threading.Semaphore(SENDERS)
+            while not stop.wait(LOOK_INTERVAL_S):
+                try:
+                    self._round(pool, busy)
+                except Exception:
+                    log.exception("webhooks wait")  # the database is away, most likely
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def _round(self, pool: ThreadPoolExecutor, busy: threading.Semaphore) -> None:
+        free = 0
+        while free < SENDERS and busy.acquire(blocking=False):
+            free += 1
+        taken = self.deliveries.take(free) if free else []
+        for _ in range(free - len(taken)):
+            busy.release()
+        for row in taken:
+            pool.submit(self._send_and_release, row, busy)
+
+    def _send_and_release(self, row: DeliveryRow, busy: threading.Semaphore) -> None:
+        try:
+            self.send(row)
+        except Exception:
+            log.exception("webhook not noted", job_id=row.job_id, message=row.id)
+        finally:
+            busy.release()
+
+    def send(self, row: DeliveryRow) -> DeliveryState:
+        """One attempt."""
+        headers = signed_headers(row.id, row.body, self.deliveries.secrets(row.tenant), self.clock_ms())
+        answer = self.poster.post(row.url, headers, row.body.encode())
+        state = self.deliveries.note(row, answer)
+        said = log.info if answer.is_taken else log.warning
+        facts = {"status": answer.status, "error": answer.error, "state": state.value}
+        said("webhook", job_id=row.job_id, message=row.id, attempt=len(row.attempts) + 1, **facts)
+        return state

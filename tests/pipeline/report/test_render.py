@@ -1,0 +1,76 @@
+"""Pictures show what is there: the right place, the right colour, nothing of what is hidden."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pipeline.core.mesh import Mesh
+from pipeline.report.render import AMBIENT, DOT_COLOUR, MARGIN, View, four_views, picture
+from tests.support.shapes import box, icosphere, motion
+
+TOP = View.along("top", np.array([0.0, 0, 1]), np.array([0.0, 1, 0]))
+
+
+def pixels(data: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(data)), dtype=np.float64) / 255
+
+
+def test_a_sphere_is_a_disc_of_its_size_lit_from_the_eye() -> None:
+    ball = icosphere(10.0, 4)
+    image = pixels(picture(ball, np.tile([1.0, 0, 0], (len(ball.vertices), 1)), TOP, ball.vertices, 200, 100))
+    covered = (image < 0.999).any(axis=2)
+    radius_px = 100 / (2 * MARGIN)
+    assert covered.sum() == pytest.approx(np.pi * radius_px**2, rel=0.02)
+    assert image[50, 100] == pytest.approx([1, 0, 0], abs=0.02)
+    across = image[50, 100:, 0][covered[50, 100:]]
+    x = (np.arange(len(across)) + 0.5) / radius_px
+    lit = AMBIENT + (1 - AMBIENT) * np.sqrt(np.clip(1 - x**2, 0, 1))
+    assert np.abs(across - lit)[:-2].max() < 0.04  # Lambert's law, a lamp at the eye
+
+
+def test_colours_are_where_the_vertices_are() -> None:
+    cube = box((2.0, 2.0, 2.0), levels=3)
+    colours = (cube.vertices - cube.vertices.min(axis=0)) / 2
+    image = pixels(picture(cube, colours, TOP, cube.vertices, 106, 106))
+    assert image[53, 53] == pytest.approx([0.5, 0.5, 1.0], abs=0.02)
+    assert image[8, 98] == pytest.approx([0.95, 0.95, 1.0], abs=0.05)  # right is +x, up is +y
+    assert image[98, 8] == pytest.approx([0.05, 0.05, 1.0], abs=0.05)
+
+
+def test_a_mark_is_a_dot_and_a_hidden_one_is_not() -> None:
+    ball = icosphere(10.0, 4)
+    white = np.ones((len(ball.vertices), 3))
+    for z, dots in ((10.0, True), (-10.0, False)):
+        image = pixels(picture(ball, white, TOP, ball.vertices, 100, 100, marks_mm=np.array([[0, 0, z]])))
+        assert bool(np.abs(image[50, 50] - DOT_COLOUR).max() < 0.05) == dots
+
+
+def test_a_cloud_is_drawn_nearest_last() -> None:
+    points = np.array([[0.0, 0, 0], [0, 0, 1], [5, 5, 0], [-5, -5, 0]])
+    cloud = Mesh(points, np.zeros((0, 3), dtype=np.int32))
+    colours = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]])
+    image = pixels(picture(cloud, colours, TOP, points, 101, 101))
+    assert image[50, 50] == pytest.approx([0, 1, 0])
+
+
+def test_the_views_are_of_the_part_not_of_the_files_axes() -> None:
+    """A turned part is seen from the same sides, up to turns that its own shape allows."""
+    part = box((30.0, 20.0, 5.0), levels=2)
+    T = motion(3)
+    colours = np.tile([0.8, 0.8, 0.8], (len(part.vertices), 1))
+    shares = []
+    for mesh in (part, part.moved(T)):
+        shares.append(
+            [(pixels(picture(mesh, colours, view, mesh.vertices, 120, 90)) < 0.999).mean() for view in four_views(mesh)]
+        )
+    assert np.allclose(shares[0], shares[1], atol=0.02)
+    for view in four_views(part):
+        assert np.allclose(view.axes @ view.axes.T, np.eye(3)) and np.linalg.det(view.axes) == pytest.approx(1)
+
+
+def test_the_same_bytes_each_time() -> None:
+    ball = icosphere(10.0, 4)
+    colours = np.abs(ball.vertices) / 10
+    assert len({picture(ball, colours, TOP, ball.vertices, 80, 60) for _ in range(3)}) == 1

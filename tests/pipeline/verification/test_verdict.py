@@ -1,0 +1,221 @@
+"""The verdict tells the truth about units, mirror images, symmetric parts and parts that can move."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pipeline
+from pipeline import MeshFile, Settings
+from pipeline.analysis.mesh_analysis import analyse
+from pipeline.core.mesh import Mesh
+from pipeline.core.settings import FeaturesSettings, ResampleSettings
+from pipeline.core.timing import silent
+from pipeline.kernels import rigid
+from pipeline.stages.landmarks import LandmarkSet
+from pipeline.stages.matching import Side, fpfh, with_matches
+from pipeline.verification import alternative_hypotheses as doubts
+from tests.pipeline.workflows.test_registration import save, scanned
+from tests.support import shapes
+from tests.support.designs import design_of
+
+QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
+
+
+def codes(result: pipeline.RegistrationResult) -> set[str]:
+    return {finding.code for finding in result.verdict.findings}
+
+
+def cross(arms: int, lift_mm: float = 0.0) -> Mesh:
+    """A disc of revolution with `arms` equal lobes about z; `lift_mm` makes one of them higher and the lobes unequal."""
+    ball = shapes.icosphere(1.0, 5)
+    n = ball.vertices
+    angle = np.arctan2(n[:, 1], n[:, 0])
+    round_part = (1 - n[:, 2] ** 2) * (1 + 0.3 * np.cos(arms * angle))
+    z = 4 * n[:, 2] + 2.0 * np.exp(-((n[:, 2] - 1) ** 2) / 0.1)
+    z = z + lift_mm * np.exp(-(angle**2) / 0.1) * np.clip(n[:, 2], 0, None)
+    return Mesh(np.column_stack([20 * n[:, :2] * (0.5 + round_part[:, None]), z]), ball.faces)
+
+
+def noisy(mesh: Mesh, seed: int) -> Mesh:
+    noise = np.random.default_rng(seed).normal(0, 0.02, len(mesh.vertices))
+    return Mesh(mesh.vertices + noise[:, None] * mesh.vertex_normals(), mesh.faces).moved(shapes.motion(seed))
+
+
+@pytest.mark.parametrize(("per_mm", "factor"), [(25.4, 25.4), (1000.0, 1000.0), (0.1, 0.1)])
+def test_a_scan_in_another_unit_is_told_with_the_factor_and_the_pose(
+    tmp_path: Path, per_mm: float, factor: float
+) -> None:
+    T_scan_design = shapes.motion(4)
+    scan = scanned(T_scan_design)
+    wrong = Mesh(scan.vertices / per_mm, scan.faces)
+    design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
+    result = pipeline.register(design, save(wrong, tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == "units_suspect"
+    assert result.scale is not None and result.scale.unit_factor == pytest.approx(factor)
+    assert result.transform is not None
+    T = np.array(result.transform.matrix)
+    assert rigid.rms_displacement(T, rigid.inverse(T_scan_design), scan.vertices) < 0.05
+    placed = rigid.transformed(np.array(result.transform.matrix_file_to_file), wrong.vertices)
+    np.testing.assert_allclose(placed, rigid.transformed(T, scan.vertices), atol=1e-3)
+
+
+def test_saying_the_unit_settles_it(tmp_path: Path) -> None:
+    scan = scanned(shapes.motion(4))
+    path = save(Mesh(scan.vertices / 25.4, scan.faces), tmp_path / "scan.ply")
+    design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
+    result = pipeline.register(design, MeshFile(path, unit="inch"), settings=QUICK)
+    assert result.verdict.status == "ok" and result.scale is not None and result.scale.unit_factor is None
+
+
+def test_a_mirrored_scan_is_told(tmp_path: Path) -> None:
+    scan = scanned(shapes.motion(6))
+    mirrored = Mesh(scan.vertices * [-1.0, 1, 1], scan.faces[:, ::-1])
+    design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
+    result = pipeline.register(design, save(mirrored, tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == "mirrored" and "mirrored" in codes(result)
+    assert result.transform is None and result.verdict.confidence == 0.0
+    assert all(np.linalg.det(np.array(pose.matrix)[:3, :3]) > 0 for pose in result.alternatives)
+
+
+def test_an_exactly_symmetric_part_is_ok_with_its_other_poses(tmp_path: Path) -> None:
+    part = cross(4)
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ok" and "symmetric_design" in codes(result)
+    assert sum(pose.symmetry_of_design for pose in result.alternatives) >= 3
+    assert result.transform is not None
+    turns = [shapes.motion(3) @ turned for turned in quarter_turns()]
+    found = np.array(result.transform.matrix)
+    apart = [rigid.rms_displacement(found, rigid.inverse(T), part.moved(T).vertices) for T in turns]
+    assert min(apart) < 0.1
+
+
+def quarter_turns() -> list[np.ndarray]:
+    turns = []
+    for k in range(4):
+        T = np.eye(4)
+        c, s = np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)
+        T[:2, :2] = [[c, -s], [s, c]]
+        turns.append(T)
+    return turns
+
+
+def test_a_nearly_symmetric_part_is_not_called_symmetric(tmp_path: Path) -> None:
+    """One lobe is 1.5 mm higher: the scan tells its pose, and the others are no symmetries."""
+    part = cross(4, lift_mm=1.5)
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ok" and "symmetric_design" not in codes(result)
+    assert result.transform is not None
+    found, truth = np.array(result.transform.matrix), rigid.inverse(shapes.motion(3))
+    assert rigid.rms_displacement(found, truth, part.moved(shapes.motion(3)).vertices) < 0.1
+
+
+def test_the_part_of_the_scan_that_looks_alike_everywhere_is_ambiguous(tmp_path: Path) -> None:
+    """The design has one odd lobe; the scan shows only two of the others: three places fit it."""
+    part = cross(4, lift_mm=4.0)
+    corners = part.vertices[part.faces]
+    angle = np.arctan2(corners[:, :, 1], corners[:, :, 0])
+    shown = (np.abs(angle) > np.pi / 4).all(axis=1) & (np.sign(angle[:, 0]) < 0)
+    used = np.unique(part.faces[shown])
+    piece = Mesh(part.vertices[used], np.searchsorted(used, part.faces[shown]))
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(piece, 3), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ambiguous" and "rival_pose" in codes(result)
+    assert result.transform is not None and len(result.alternatives) >= 1
+
+
+@pytest.mark.parametrize("shape", ["torus", "tube", "sphere"])
+def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -> None:
+    made = {"torus": shapes.torus(), "tube": shapes.cylinder(6.0, 30.0, 64, 40), "sphere": shapes.icosphere(10.0, 4)}
+    design = save(made[shape], tmp_path / "design.ply")
+    result = pipeline.register(design, save(noisy(made[shape], 2), tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == "under_constrained"
+    assert result.observability is not None and len(result.observability.free_motions) >= 1
+    assert "free_motion" in codes(result) and result.transform is not None
+
+
+def cut(scan: Mesh, kept: np.ndarray) -> Mesh:
+    """The triangles all of whose corners are `kept` (n,)."""
+    faces = scan.faces[kept[scan.faces].all(axis=1)]
+    used = np.unique(faces)
+    return Mesh(scan.vertices[used], np.searchsorted(used, faces))
+
+
+def test_a_rack_lies_on_the_right_teeth(tmp_path: Path) -> None:
+    part = shapes.rack()
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 5), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ok" and result.transform is not None
+    found, truth = np.array(result.transform.matrix), rigid.inverse(shapes.motion(5))
+    assert rigid.rms_displacement(found, truth, part.moved(shapes.motion(5)).vertices) < 0.1
+
+
+def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp_path: Path) -> None:
+    """A tooth on is 3.3 % of the diagonal: too near for two hypotheses, too far to be the same pose."""
+    part = shapes.rack()
+    middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
+    design, scan = save(part, tmp_path / "design.ply"), save(noisy(middle, 5), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=QUICK)
+    assert result.verdict.status == "ambiguous" and result.transform is not None
+    assert result.verdict.confidence is not None and result.verdict.confidence <= 0.5
+    best, points = np.array(result.transform.matrix), middle.moved(shapes.motion(5)).vertices
+    apart = [rigid.rms_displacement(np.array(each.matrix), best, points) for each in result.alternatives]
+    assert apart and min(apart) > 1.0  # half a tooth off nothing fits
+    assert result.alternatives[0].score < 1.25
+
+
+def test_matches_are_of_the_pose_that_is_given() -> None:
+    """Whatever pose matching put first."""
+    part = cross(4, lift_mm=1.5)
+    design, asked = design_of(part, QUICK), doubts.Asked(QUICK, 0, None)
+    scan = analyse(noisy(part, 1), "scan", design.scales, QUICK, silent(), 0)
+    side, matching = doubts.matched(scan, design, asked)
+    length_mm = design.scales.matching_mm(QUICK)
+    turned = replace(matching.hypotheses[0], T_design_scan=quarter_turns()[1] @ matching.hypotheses[0].T_design_scan)
+    wrong = with_matches(design.side, side, (turned, *matching.hypotheses), turned.T_design_scan, length_mm)
+    right, misled = (doubts.registered(scan, side, each, design, asked).registration for each in (matching, wrong))
+    moved = rigid.transformed(misled.best.T_design_scan, scan.landmarks.position_mm[misled.matching.scan])
+    residual_mm = np.linalg.norm(moved - design.side.landmarks.position_mm[misled.matching.design], axis=1)
+    assert len(residual_mm) >= 3 and residual_mm.max() <= length_mm
+    assert rigid.rms_displacement(misled.best.T_design_scan, right.best.T_design_scan, part.vertices) < 0.1
+    assert misled.rmse_landmarks_mm == pytest.approx(right.rmse_landmarks_mm, rel=0.2)
+
+
+def test_two_places_without_any_noise_are_ambiguous(tmp_path: Path) -> None:
+    """What exact copies leave is rounding: its ratio says nothing."""
+    part = shapes.rack()
+    middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
+    design = save(part, tmp_path / "design.ply")
+    result = pipeline.register(design, save(middle.moved(shapes.motion(3)), tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == "ambiguous"
+
+
+def test_a_bolt_in_inches_is_told_although_it_can_turn(tmp_path: Path) -> None:
+    part = shapes.beads()
+    scan = noisy(part, 2)
+    design = save(part, tmp_path / "design.ply")
+    inches = save(Mesh(scan.vertices / 25.4, scan.faces), tmp_path / "scan.ply")
+    result = pipeline.register(design, inches, settings=QUICK)
+    assert result.verdict.status == "units_suspect" and "free_motion" in codes(result)
+
+
+def test_another_part_is_no_match(tmp_path: Path) -> None:
+    design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
+    result = pipeline.register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == "no_match" and result.transform is None
+
+
+def test_descriptors_of_a_mirror_image_are_the_mirrored_descriptors() -> None:
+    blob = shapes.bumpy_blob(3)
+    across = np.array([-1.0, 1.0, 1.0])
+    image = Mesh(blob.vertices * across, blob.faces[:, ::-1])
+    nobody = np.zeros(0, dtype=np.int64)
+    empty = LandmarkSet(nobody, np.zeros((0, 3)), np.zeros((0, 3)), nobody, np.zeros(0), np.zeros(0), np.zeros(0), 0.0)
+    settings = Settings().matching
+    side = Side(blob, empty).reflected(3.0, settings)
+    direct = fpfh(image, settings.descriptor_radius_lengths * 3.0)
+    apart = np.linalg.norm(side.described(3.0, settings) - direct, axis=1) / np.linalg.norm(direct, axis=1)
+    assert np.median(apart) < 0.02

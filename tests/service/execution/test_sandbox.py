@@ -1,0 +1,229 @@
+"""However a job's process ends, it is that job's outcome, and the next job runs."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from service.execution.sandbox import Limits, Outcome, Sandbox, SandboxError
+
+MISBEHAVING = Path(__file__).parent / "misbehaving"
+Make = Callable[..., Sandbox]
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
+    """Sandboxes whose children run a module of `misbehaving/`."""
+    monkeypatch.setenv("PYTHONPATH", str(MISBEHAVING))
+    made: list[Sandbox] = []
+
+    def make_one(target: str, time_s: float = 30.0, memory_mib: int = 300) -> Sandbox:
+        made.append(Sandbox(Limits(time_s, memory_mib), target=target))
+        return made[-1]
+
+    yield make_one
+    for sandbox in made:
+        sandbox.stop()
+
+
+def run(sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object) -> Outcome:
+    return sandbox.run("job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted)
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("target", "code", "words"),
+    [
+        ("segfault", "job_crashed", "SIGSEGV"),
+        ("exits", "job_crashed", "code 7"),
+        ("raises", "job_crashed", "ZeroDivisionError"),
+        ("memory_hog", "job_out_of_memory", "300 MiB"),
+        ("giant_allocation", "job_out_of_memory", "300 MiB"),
+        ("fills_the_disk", "job_crashed", "OSError"),
+        ("talks_nonsense", "job_crashed", "code 0"),
+        ("refuses", "truncated_file", "scan: the file ends in the middle of a triangle"),
+    ],
+)
+def test_a_bad_end_is_a_failure_with_its_reason(make: Make, tmp_path: Path, target: str, code: str, words: str) -> None:
+    sandbox = make(target)
+    for _ in range(2):  # the second shows that the zygote lives on
+        outcome = run(sandbox, tmp_path)
+        assert outcome.kind == "failed"
+        assert outcome.problem is not None
+        assert outcome.problem.code == code
+        assert words in outcome.problem.detail
+        assert "secret" not in outcome.problem.model_dump_json()
+
+
+def test_a_good_end_is_done_and_its_progress_is_told(make: Make, tmp_path: Path) -> None:
+    told: list[tuple[str, float, str]] = []
+    task = {"folder": str(tmp_path), "out": str(tmp_path / "out")}
+    outcome = make("obedient").run("job", task, lambda *step: told.append(step), lambda: True)
+    assert outcome.kind == "done"
+    assert told == [("load", 1.0, "reading"), ("report", 99.0, "writing")]
+    assert (tmp_path / "out" / "results.json").is_file()
+
+
+def test_a_hang_with_the_gil_held_is_stopped_at_the_time_limit(make: Make, tmp_path: Path) -> None:
+    outcome = run(make("hangs_with_gil", time_s=0.5), tmp_path)
+    assert outcome.problem is not None
+    assert outcome.problem.code == "job_timed_out"
+    assert outcome.seconds < 3.0
+
+
+def test_an_unwanted_job_is_killed_within_three_seconds(make: Make, tmp_path: Path) -> None:
+    outcome = run(make("hangs_with_gil"), tmp_path, wanted=lambda: False)
+    assert outcome.kind == "unwanted"
+    assert outcome.seconds < 3.0
+
+
+@pytest.mark.parametrize("stay", [True, False])
+@pytest.mark.parametrize("target", ["grandchild", "great_grandchildren"])
+def test_nothing_a_job_started_outlives_it(make: Make, tmp_path: Path, target: str, stay: bool) -> None:
+    run(make(target), tmp_path, wanted=lambda: not (tmp_path / "pids.json").exists(), stay=stay)
+    pids = json.loads((tmp_path / "pids.json").read_text())
+    wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_nothing_outlives_the_worker(make: Make, tmp_path: Path) -> None:
+    sandbox = make("great_grandchildren")
+    thread = threading.Thread(target=lambda: run(sandbox, tmp_path, stay=True))
+    thread.start()
+    wait_until(lambda: (tmp_path / "pids.json").exists())
+    sandbox.stop()
+    thread.join(10)
+    pids = json.loads((tmp_path / "pids.json").read_text())
+    assert len(pids) == 4
+    wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_a_job_gets_neither_our_passwords_nor_our_keys(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("CUSP_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD", "MY_TOKEN", "HTTPS_PROXY", "LD_PRELOAD_"):
+        monkeypatch.setenv(name, "secret")
+    monkeypatch.setenv("LC_ALL", "C.UTF-8")
+    assert run(make("shows_environment"), tmp_path).kind == "done"
+    given = json.loads((tmp_path / "given.json").read_text())
+    assert "secret" not in given["environment"].values()
+    assert given["environment"]["LC_ALL"] == "C.UTF-8"
+    assert given["environment"]["OPENBLAS_NUM_THREADS"] == "1"
+    assert given["environment"]["PATH"] == os.environ["PATH"]
+    assert given["largest_file"] == 1 << 30
+
+
+def test_a_task_may_be_as_large_as_a_request(make: Make, tmp_path: Path) -> None:
+    """A packet of the socket holds some 200 KB."""
+    words = "ä" * 2_000_000
+    assert run(make("shows_environment"), tmp_path, words=words).kind == "done"
+    assert json.loads((tmp_path / "given.json").read_text())["task"]["words"] == words
+
+
+@pytest.mark.parametrize(
+    ("misbehave", "code"),
+    [
+        ("segfault", "job_crashed"),
+        ("exits", "job_crashed"),
+        ("raises", "job_crashed"),
+        ("hangs_with_gil", "unwanted"),
+        ("memory_hog", "job_out_of_memory"),
+        ("giant_allocation", "job_out_of_memory"),
+        ("great_grandchildren", "job_crashed"),
+        ("fills_the_disk", "job_crashed"),
+        ("talks_nonsense", "job_crashed"),
+    ],
+)
+def test_a_neighbour_of_a_job_that_misbehaves_runs_on(make: Make, tmp_path: Path, misbehave: str, code: str) -> None:
+    sandbox = make("any_of_them")
+    good, bad = tmp_path / "good", tmp_path / "bad"
+    good.mkdir()
+    bad.mkdir()
+    outcomes: list[Outcome] = []
+
+    def run_good() -> None:
+        task = {"folder": str(good), "misbehave": "slow"}
+        outcomes.append(sandbox.run("good", task, lambda *_: None, lambda: True))
+
+    thread = threading.Thread(target=run_good)
+    thread.start()
+    wait_until(lambda: (good / "child.log").exists())
+    outcome = run(sandbox, bad, misbehave=misbehave, wanted=lambda: code != "unwanted")
+    assert (outcome.problem.code if outcome.problem else outcome.kind) == code
+    assert outcomes == []
+    (good / "go").touch()
+    thread.join(10)
+    assert [each.kind for each in outcomes] == ["done"]
+
+
+def test_a_killed_zygote_fails_its_jobs_and_is_replaced(make: Make, tmp_path: Path) -> None:
+    sandbox = make("slow")
+    sandbox.start()
+    assert sandbox._zygote is not None
+    first = sandbox._zygote.pid
+    outcomes: list[Outcome] = []
+    thread = threading.Thread(target=lambda: outcomes.append(run(sandbox, tmp_path)))
+    thread.start()
+    wait_until(lambda: (tmp_path / "child.log").exists())
+    os.kill(first, signal.SIGKILL)
+    thread.join(10)
+    assert outcomes[0].problem is not None
+    assert outcomes[0].problem.code == "job_crashed"
+    (tmp_path / "go").touch()
+    assert run(sandbox, tmp_path).kind == "done"
+    assert sandbox._zygote.pid != first
+
+
+def test_a_job_whose_listener_fails_does_not_run_on(make: Make, tmp_path: Path) -> None:
+    def fail(*_: object) -> None:
+        raise ConnectionError("the database is away")
+
+    sandbox = make("grandchild")
+    with pytest.raises(ConnectionError):
+        sandbox.run("job", {"folder": str(tmp_path), "stay": True}, fail, lambda: fail() is None)
+    wait_until(lambda: (tmp_path / "pids.json").exists())
+    pids = json.loads((tmp_path / "pids.json").read_text())
+    wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_two_jobs_run_side_by_side(make: Make, tmp_path: Path) -> None:
+    sandbox = make("slow")
+    folders = [tmp_path / name for name in ("a", "b")]
+    outcomes: list[Outcome] = []
+
+    def run_one(folder: Path) -> None:
+        folder.mkdir()
+        task = {"folder": str(folder)}
+        outcomes.append(sandbox.run(folder.name, task, lambda *_: None, lambda: True))
+
+    threads = [threading.Thread(target=run_one, args=[folder]) for folder in folders]
+    for thread in threads:
+        thread.start()
+    wait_until(lambda: all((folder / "child.log").exists() for folder in folders))
+    for folder in folders:
+        (folder / "go").touch()
+    for thread in threads:
+        thread.join(10)
+    assert [outcome.kind for outcome in outcomes] == ["done", "done"]
+
+
+def test_a_zygote_that_cannot_start_says_why(make: Make) -> None:
+    with pytest.raises(SandboxError, match="libopengl0 is missing"):
+        make("cannot_preload").start()

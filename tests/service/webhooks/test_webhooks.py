@@ -1,0 +1,361 @@
+"""Webhooks: every end of a job is told once it is committed, signed as receivers check it, again until it is taken, and to no
+address that only we can reach."""
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import ip_address
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine
+from standardwebhooks import Webhook, WebhookVerificationError
+from typer.testing import CliRunner
+
+from service.cli.main import app as cli
+from service.contract.errors import JobCrashed, problem_of
+from service.contract.schemas import DeliveryState
+from service.jobs.models import now_ms
+from service.jobs.store import JobStore
+from service.settings import ServiceSettings
+from service.storage.database import open_database
+from service.webhooks.address_guard import ForbiddenAddress, Guard
+from service.webhooks.http_client import TOTAL_S, Poster
+from service.webhooks.outbox import BACK_OFF_S, LEASE_MS, Deliveries
+from service.webhooks.sender import Sender
+from tests.service.conftest import Service
+
+pytestmark = pytest.mark.storages
+LOOPBACK = "127.0.0.0/8"
+
+
+class Receiver:
+    """A receiver of webhooks on loopback, which answers what it is told to."""
+
+    def __init__(self) -> None:
+        self.got: list[tuple[dict[str, str], bytes]] = []
+        self.answers: list[tuple[int, dict[str, str]]] = []
+        outer = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["Content-Length"]))
+                outer.got.append(({key.lower(): value for key, value in self.headers.items()}, body))
+                status, headers = outer.answers.pop(0) if outer.answers else (204, {})
+                self.send_response(status)
+                for key, value in headers.items():
+                    self.send_header(key, value)
+                self.end_headers()
+
+            def log_message(self, *_: Any) -> None:
+                pass
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.thread = threading.Thread(target=self.server.serve_forever, args=(0.05,))
+        self.thread.start()
+        self.url = f"http://127.0.0.1:{self.server.server_port}/hook?x=1"
+
+    def stop(self) -> None:
+        self.server.shutdown()
+        self.thread.join()
+        self.server.server_close()
+
+
+@pytest.fixture
+def receiver() -> Iterator[Receiver]:
+    made = Receiver()
+    yield made
+    made.stop()
+
+
+@pytest.fixture
+def settings(storage: dict[str, Any]) -> ServiceSettings:
+    made = ServiceSettings(**storage, max_upload_mib=1, queue_limit=50, webhook_networks=LOOPBACK)
+    made.make_folders()
+    return made
+
+
+@pytest.fixture
+def engine(settings: ServiceSettings) -> Iterator[Engine]:
+    made = open_database(settings.database)
+    yield made
+    made.dispose()
+
+
+@pytest.fixture
+def poster() -> Iterator[Poster]:
+    made = Poster(Guard.of(LOOPBACK))
+    yield made
+    made.close()
+
+
+def options(receiver: Receiver) -> str:
+    return json.dumps({"webhook": {"url": receiver.url}, "label": "ä 7"})
+
+
+def send_due(engine: Engine, poster: Poster, after_s: float = 0.0) -> list[DeliveryState]:
+    """One round of a sender whose clock is ahead."""
+    at = now_ms() + int(after_s * 1000)
+    deliveries = Deliveries(engine, lambda: at)
+    return [Sender(deliveries, poster).send(row) for row in deliveries.take(10)]
+
+
+def told(service: Service, job_id: str) -> list[dict[str, Any]]:
+    listed: list[dict[str, Any]] = service.http.get(f"/v1/jobs/{job_id}/deliveries").json()["deliveries"]
+    return listed
+
+
+def test_a_successful_job_is_told_and_the_signature_is_right(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster
+) -> None:
+    job_id = service.submitted(options(receiver))
+    assert send_due(engine, poster) == [] and told(service, job_id) == []
+    service.worker.run(job_id)
+    (waiting,) = told(service, job_id)
+    assert (waiting["state"], waiting["event"], waiting["attempts"]) == ("waiting", "job.successful", [])
+    assert send_due(engine, poster) == [DeliveryState.DELIVERED]
+    (headers, body) = receiver.got[0]
+    (secret,) = Deliveries(engine).secrets("default")
+    message = Webhook(secret).verify(body, headers)
+    assert message["type"] == "job.successful" and message["data"] == service.status(job_id)
+    with pytest.raises(WebhookVerificationError):
+        Webhook(secret).verify(body + b" ", headers)
+    (delivered,) = told(service, job_id)
+    assert delivered["id"] == headers["webhook-id"] and delivered["state"] == "delivered" and delivered["next"] is None
+    assert [tried["status"] for tried in delivered["attempts"]] == [204]
+    assert send_due(engine, poster, 1e6) == []  # once
+
+
+def test_failed_and_dismissed_are_told_too(service: Service, receiver: Receiver, engine: Engine) -> None:
+    failed, waiting, running = (service.submitted(options(receiver)) for _ in range(3))
+    jobs = JobStore(engine)
+    for each in (failed, running):
+        assert jobs.claim(each, "w") is not None
+    assert jobs.fail(failed, 1, problem_of(JobCrashed("it died")))
+    for each in (waiting, running):
+        assert service.http.delete(f"/v1/jobs/{each}").status_code == 204
+    events = [[each["event"] for each in told(service, job_id)] for job_id in (failed, waiting, running)]
+    assert events == [["job.failed"], ["job.dismissed"], ["job.dismissed"]]
+    assert not jobs.succeed(running, 1, [])  # the worker comes too late: nothing more is told
+    assert len(told(service, running)) == 1
+
+
+def test_who_does_not_take_it_is_asked_again_later_and_later(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster
+) -> None:
+    job_id = service.finished(options(receiver))
+    receiver.answers = [(500, {}), (503, {"Retry-After": "600"}), (302, {"Location": receiver.url})]
+    after_s = 0.0
+    assert send_due(engine, poster) == [DeliveryState.WAITING]
+    assert send_due(engine, poster, BACK_OFF_S[0] - 1) == []
+    after_s += BACK_OFF_S[0] + 1
+    assert send_due(engine, poster, after_s) == [DeliveryState.WAITING]
+    assert send_due(engine, poster, after_s + 590) == []  # as it asked
+    after_s += 601
+    assert send_due(engine, poster, after_s) == [DeliveryState.WAITING]  # redirects are not followed
+    assert send_due(engine, poster, after_s + BACK_OFF_S[2] + 1) == [DeliveryState.DELIVERED]
+    (message,) = told(service, job_id)
+    assert [tried["status"] for tried in message["attempts"]] == [500, 503, 302, 204]
+    assert len({headers["webhook-id"] for headers, _ in receiver.got}) == 1
+    assert len({body for _, body in receiver.got}) == 1
+
+
+def test_one_that_never_takes_it_or_is_gone_is_given_up(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster
+) -> None:
+    gone, never = service.finished(options(receiver)), service.finished(options(receiver))
+    receiver.answers = [(410, {})]
+    assert send_due(engine, poster) == [DeliveryState.GIVEN_UP, DeliveryState.DELIVERED]
+    receiver.stop()
+    never = service.finished(options(receiver))
+    after_s, states = 0.0, []
+    for wait_s in (0, *BACK_OFF_S):
+        after_s += wait_s + 1
+        states += send_due(engine, poster, after_s)
+    assert states == [DeliveryState.WAITING] * len(BACK_OFF_S) + [DeliveryState.GIVEN_UP]
+    assert told(service, gone)[0]["state"] == "given_up"
+    assert all(tried["status"] is None and tried["error"] for tried in told(service, never)[0]["attempts"])
+
+
+def test_two_senders_do_not_send_the_same(service: Service, receiver: Receiver, engine: Engine) -> None:
+    for _ in range(4):
+        service.finished(options(receiver))
+    both = Deliveries(engine), Deliveries(engine)
+    taken: list[str] = []
+    threads = [
+        threading.Thread(target=lambda each=each: taken.extend(row.id for row in each.take(10))) for each in both
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(taken) == len(set(taken)) == 4
+    at = now_ms() + LEASE_MS + 1  # both died: another takes them
+    assert len(Deliveries(engine, lambda: at).take(10)) == 4
+
+
+def test_a_running_sender_sends_within_a_second_or_two(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster
+) -> None:
+    stop = threading.Event()
+    thread = threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,))
+    thread.start()
+    job_id = service.finished(options(receiver))
+    try:
+        deadline = time.monotonic() + 20
+        while not told(service, job_id)[0]["attempts"]:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    finally:
+        stop.set()
+        thread.join()
+    assert len(receiver.got) == 1
+
+
+def test_a_new_secret_signs_beside_the_old_for_a_day(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variable, value in service.settings.environment().items():
+        monkeypatch.setenv(variable, value)
+
+    def run(*words: str) -> str:
+        result = CliRunner().invoke(cli, ["webhooks", "secret", *words])
+        assert result.exit_code == 0, result.output
+        return result.stdout.strip()
+
+    old = run()
+    assert old == run() and old.startswith("whsec_")
+    new = run("--rotate")
+    assert new != old and run() == new
+    service.finished(options(receiver))
+    send_due(engine, poster)
+    headers, body = receiver.got[0]
+    for each in (old, new):
+        assert Webhook(each).verify(body, headers)
+    assert Deliveries(engine, lambda: now_ms() + 25 * 3_600_000).secrets("default") == [new]
+    assert run("--tenant", "acme") != new
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://10.0.0.1/x",
+        "http://192.168.0.1/",
+        "http://169.254.169.254/latest/meta-data",
+        "http://[::1]/",
+        "http://[::ffff:10.0.0.1]/",
+        "http://[64:ff9b::a00:1]/",
+        "http://[2002:a00:1::]/",
+        "http://[fec0::1]/",
+        "http://[::7f00:1]/",
+        "http://[64:ff9b:1::a00:1]/",
+        "http://[::ffff:0:a00:1]/",
+        "http://[fe80::1]/",
+        "http://[fd00::1]/",
+        "http://[ff02::1]/",
+        "http://0.0.0.0/",
+        "http://224.0.0.1/",
+        "https://user:secret@example.org/",
+        "ftp://example.org/",
+        "file:///etc/passwd",
+        "http:///x",
+        "http://example.org:99999/",
+        "http://exa mple.org/",
+        "http://example.org/ä",
+        "javascript:alert(1)",
+        "",
+    ],
+)
+def test_an_address_that_must_not_be_reached_is_refused_at_once(service: Service, url: str) -> None:
+    answer = service.submit(json.dumps({"webhook": {"url": url}}))
+    assert answer.status_code == 422
+    assert (answer.json()["code"], answer.json()["errors"][0]["pointer"]) == ("invalid_options", "/options/webhook/url")
+    assert service.waiting == []
+
+
+def test_loopback_is_refused_unless_it_is_allowed() -> None:
+    names = ["127.0.0.1:1", "127.0.0.1.", "localhost:1", "localhost.", "LOCALHOST", "a.localhost", "a.localhost."]
+    old_ways = ["127.1", "2130706433", "0x7f.1", "017700000001", "0x7f000001"]
+    for url in (f"http://{host}/" for host in (*names, *old_ways)):
+        with pytest.raises(ForbiddenAddress):
+            Guard().check_url(url)
+        Guard.of(LOOPBACK).check_url(url)
+
+
+def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
+    receiver: Receiver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The name is public at submission. The connection goes to the judged address: there is no second look-up to fool."""
+    asked: list[str] = []
+
+    def looked_up(host: str, port: int, **_: Any) -> list[Any]:
+        asked.append(host)
+        inside = "127.0.0.1" if len(asked) == 1 else "93.184.216.34"
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (inside, port))]
+
+    url = receiver.url.replace("127.0.0.1", "rebinding.example.org")
+    Guard().check_url(url)
+    monkeypatch.setattr("service.webhooks.http_client.socket.getaddrinfo", looked_up)
+    poster = Poster(Guard())
+    answer = poster.post(url, {}, b"{}")
+    poster.close()
+    assert answer.is_forbidden and not answer.is_taken and receiver.got == []
+    assert asked == ["rebinding.example.org"]
+
+
+def test_an_open_address_is_not_refused() -> None:
+    Guard().check("example.org", ip_address("93.184.216.34"))
+    Guard().check("example.org", ip_address("2606:2800:220:1:248:1893:25c8:1946"))
+    Guard().check("example.org", ip_address("64:ff9b::5db8:d822"))  # the first one's, where there is only IPv6
+    for url in ("https://example.org/", "http://93.184.216.34:8080/", "http://[2606:2800:220:1::1]/"):
+        Guard().check_url(url)
+    Guard.of("fd00::/8").check_url("http://[fd00::1]/")
+
+
+class Trickle:
+    """A receiver that answers byte by byte for ever: never silent, never done."""
+
+    def __init__(self) -> None:
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self.server.getsockname()[1]}/"
+        self.thread = threading.Thread(target=self.serve)
+        self.thread.start()
+
+    def serve(self) -> None:
+        connection, _ = self.server.accept()
+        with connection, suppress(OSError):
+            connection.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+            while True:
+                connection.sendall(b"x")
+                time.sleep(0.02)
+
+
+def test_a_receiver_that_answers_byte_by_byte_is_left(poster: Poster, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Or it would hold a sender for ever, and another would send the message again."""
+    assert 1000 * TOTAL_S < LEASE_MS - 10_000
+    monkeypatch.setattr("service.webhooks.http_client.TOTAL_S", 0.5)
+    receiver = Trickle()
+    answer = poster.post(receiver.url, {}, b"{}")
+    receiver.thread.join(10)
+    receiver.server.close()
+    assert answer.status is None and answer.error in ("timed out", "no answer within 0.5 s")
+    assert answer.seconds < 5
+
+
+def test_of_several_addresses_the_first_that_takes_us_is_used(
+    receiver: Receiver, poster: Poster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = socket.getaddrinfo
+
+    def looked_up(host: str, port: int, *given: Any, **named: Any) -> list[Any]:
+        if host != "two.example.org":
+            return real(host, port, *given, **named)
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, port)) for each in ("127.0.0.2", "127.0.0.1")]
+
+    monkeypatch.setattr("service.webhooks.http_client.socket.getaddrinfo", looked_up)
+    answer = poster.post(receiver.url.replace("127.0.0.1", "two.example.org"), {}, b"{}")
+    assert answer.status == 204 and len(receiver.got) == 1

@@ -1,0 +1,165 @@
+"""An example for every field of the OpenAPI document, taken from the example documents: written to
+service/field_examples.json, from where the document has them.
+
+    .venv/bin/python -m tests.support.field_examples
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from service.api.app import create_app
+from service.api.examples import BLOB_ID, INSTANCE, JOB_ID, examples
+from service.api.openapi import as_text
+from service.settings import ServiceSettings
+
+FOUND = Path(__file__).parents[2] / "service" / "api" / "field_examples.json"
+RESULTS = Path(__file__).parents[2] / "openapi" / "examples"
+AT = "2026-09-22T09:33:20Z"
+#: Answers that have no example file.
+OTHERS: dict[str, list[Any]] = {
+    "JobPage": [{"jobs": [], "next": JOB_ID}],
+    "Limits": [
+        {
+            "max_upload_mib": 512,
+            "job_time_limit_s": 900.0,
+            "job_memory_limit_mib": 4096,
+            "queue_limit": 20000,
+            "tenant_queue_limit": 15000,
+            "rate_limit_per_s": 1000,
+            "parallel_jobs": 2,
+            "job_types": ["registration", "landmarks", "study"],
+            "formats": ["stl", "ply", "obj", "off", "3mf", "glb", "xyz"],
+        }
+    ],
+    "Version": [{"name": "cusp", "version": "0.1.0", "schema_version": "1"}],
+    "Health": [{"status": "ok"}],
+    "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
+    "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],
+    "Problem": [{"mesh": "scan", "stage": "load", "instance": INSTANCE}],
+    "FileEntry": [
+        {
+            "name": "aligned.ply",
+            "size": 251304,
+            "sha256": BLOB_ID.removeprefix("sha256:"),
+            "media_type": "application/vnd.ply",
+            "href": f"/v1/jobs/{JOB_ID}/files/aligned.ply",
+        }
+    ],
+    "Delivery": [
+        {
+            "id": "msg_01a2019a66857220",
+            "event": "job.successful",
+            "url": "https://mes.example.com/hooks/cusp",
+            "state": "delivered",
+            "next": AT,
+            "attempts": [{"at": AT, "status": 503, "error": "no answer within 15 s", "seconds": 0.21}],
+        }
+    ],
+    "Scale": [{"unit_factor": 25.4}],
+    "Finding": [{"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}],
+    "Note": [{"code": "point_cloud", "detail": "scan: points without triangles; they weigh the same each"}],
+    "ProblemItem": [{"pointer": "/options/settings/segmentation/quantil", "detail": "unknown key"}],
+    "Alternative": [
+        {
+            "matrix": [[-1, 0, 0, 40.0], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+            "score": 1.02,
+            "rmse_mm": 0.094,
+            "symmetry_of_design": True,
+        }
+    ],
+    "FreeMotion": [{"kind": "rotation", "axis": [0, 0, 1], "point_mm": [0, 0, 12.5], "sigma_mm": 3.1}],
+    "StudySettings": [{"noise_mm": 0.1, "rotation_deg": 30.0, "eps": 0.01, "count": 20}],
+    "Quantiles": [{"n": 100, "p05": 0.7, "p25": 0.85, "p50": 0.9, "p75": 0.95, "p95": 1.0}],
+    "Deviation": [{"tolerance_mm": 0.2}],
+    "RepeatabilityProtocol": [
+        {
+            "kind": "repeatability",
+            "trials": 5,
+            "eps": 0.01,
+            "eps_mm": 0.41,
+            "count": 20,
+            "spacing_mm": 1.03,
+            "conditions": ["remeshed", "remeshed, noise 0.1 %"],
+        }
+    ],
+    "RepeatabilityRow": [
+        {
+            "detector": "t2",
+            "condition": "remeshed",
+            "mean": 0.9,
+            "chance": 0.006,
+            "points": 20.0,
+            "pose_right": 1.0,
+        }
+    ],
+}
+
+
+def main() -> None:
+    document = create_app(ServiceSettings.model_construct()).openapi()
+    FOUND.write_text(as_text(collected(document["components"]["schemas"])))
+
+
+def collected(schemas: dict[str, Any]) -> dict[str, Any]:
+    """`Schema.field` -> the first value of it in the documents that is not null."""
+    found: dict[str, Any] = {}
+    for name, document in _documents():
+        _collect(name, document, schemas, found)
+    return dict(sorted(found.items()))
+
+
+def _documents() -> Iterator[tuple[str, Any]]:
+    """Schema and document."""
+    for kind in ("registration", "landmarks", "study"):
+        yield f"{kind.title()}Result", json.loads((RESULTS / f"results.{kind}.json").read_text())
+    of_file = {"job": "Job", "blob": "Blob", "options": "Options", "problem": "Problem"}
+    for file, document in examples().items():
+        word, kind = file.split(".")[:2]
+        yield (f"{kind.title()}Request" if word == "job_request" else of_file[word]), document
+    for name, documents in OTHERS.items():
+        yield from ((name, each) for each in documents)
+
+
+def _collect(name: str, document: Any, schemas: dict[str, Any], found: dict[str, Any]) -> None:
+    for field, schema in schemas[name].get("properties", {}).items():
+        value = document.get(field)
+        if value is None:
+            continue
+        children = [(child, each) for child, each in _children(schema, value) if isinstance(each, dict)]
+        for child, each in children:
+            _collect(child, each, schemas, found)
+        if not children:  # they have examples of their own
+            found.setdefault(f"{name}.{field}", _short(value))
+
+
+def _children(schema: dict[str, Any], value: Any) -> Iterator[tuple[str, Any]]:
+    """Schema and value of each object in a field."""
+    if "$ref" in schema:
+        if isinstance(value, dict):
+            yield schema["$ref"].split("/")[-1], value
+    elif "discriminator" in schema:
+        discriminator = schema["discriminator"]
+        yield discriminator["mapping"][value[discriminator["propertyName"]]].split("/")[-1], value
+    elif "anyOf" in schema:
+        for each in schema["anyOf"]:
+            yield from _children(each, value)
+    elif isinstance(value, list):
+        for each in value:
+            yield from _children(schema.get("items", {}), each)
+
+
+def _short(value: Any) -> Any:
+    """Enough to see what it is."""
+    if isinstance(value, list):
+        numbers = all(isinstance(each, int | float) for each in value)
+        rows = all(isinstance(each, list) for each in value)
+        return value if numbers or rows else [_short(each) for each in value[:1]]
+    if isinstance(value, dict):
+        return {key: _short(each) for key, each in list(value.items())[:12]}
+    return value
+
+
+if __name__ == "__main__":
+    main()
