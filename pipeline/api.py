@@ -52,7 +52,9 @@ def register(
     """
     if tolerance_mm is not None and not 0 < tolerance_mm < float("inf"):
         raise ValueError(f"tolerance_mm is {tolerance_mm}; it must be above 0")
-    from pipeline.workflows.registration import run_registration  # here, so that the API can import the door cheaply
+    from pipeline.workflows.registration import (
+        run_registration,
+    )  # here, so that the API can import the door cheaply
 
     return run_registration(
         _mesh_file(design),

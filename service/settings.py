@@ -23,20 +23,29 @@ class ServiceSettings(BaseSettings):
         SecretStr(""), description="`postgresql://user:password@host/name`; empty: SQLite in the data folder"
     )
     blob_url: str = Field(
-        "", description="`s3://bucket/prefix`, with the usual `AWS_*` variables; empty: files in the data folder"
+        "",
+        description="`s3://bucket/prefix`, with the usual `AWS_*` variables; empty: files in the data folder",
     )
-    host: str = Field("127.0.0.1", description="address to listen on; other than loopback needs API keys or allow_open")
+    host: str = Field(
+        "127.0.0.1", description="address to listen on; other than loopback needs API keys or allow_open"
+    )
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 lets the system choose")
     allow_open: bool = Field(False, description="listen beyond loopback although there are no API keys")
-    jobs: int = Field(max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time")
+    jobs: int = Field(
+        max(1, (os.cpu_count() or 2) // 2), ge=1, le=256, description="jobs run at the same time"
+    )
     job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
     max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
-    design_cache_mib: int = Field(2048, ge=0, description="analyses of designs kept for their next scans; 0: none")
+    design_cache_mib: int = Field(
+        2048, ge=0, description="analyses of designs kept for their next scans; 0: none"
+    )
     retention_h: float = Field(
         720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: for ever"
     )
-    min_free_disk_mib: int = Field(1024, ge=0, description="with less room on the data volume /readyz says not_ready")
+    min_free_disk_mib: int = Field(
+        1024, ge=0, description="with less room on the data volume /readyz says not_ready"
+    )
     webhook_networks: str = Field(
         "", description="networks that webhooks may reach though they are private: `10.1.0.0/16, 127.0.0.0/8`"
     )
@@ -82,7 +91,9 @@ class ServiceSettings(BaseSettings):
     @classmethod
     def _is_s3(cls, url: str) -> str:
         if url and not re.match(r"s3://[^/]+", url):
-            raise ValueError("must be s3://bucket or s3://bucket/prefix, or empty for files in the data folder")
+            raise ValueError(
+                "must be s3://bucket or s3://bucket/prefix, or empty for files in the data folder"
+            )
         return url
 
     @field_validator("data_dir", mode="after")

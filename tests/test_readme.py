@@ -20,7 +20,9 @@ def test_every_setting_of_the_method_stands_with_its_default() -> None:
 
 def test_every_setting_of_the_service_stands_with_its_meaning() -> None:
     for name, knob in ServiceSettings.model_fields.items():
-        line = next((line for line in README.splitlines() if line.startswith(f"| `CUSP_{name.upper()}` |")), "")
+        line = next(
+            (line for line in README.splitlines() if line.startswith(f"| `CUSP_{name.upper()}` |")), ""
+        )
         assert knob.description in line
 
 

@@ -130,7 +130,9 @@ def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
     with file.path.open("rb") as content:
         of_content = hashlib.file_digest(content, "sha256").hexdigest()
     ending = Path(file.filename or file.path.name).suffix.lower()
-    method = settings.model_dump(mode="json", exclude={"report"})  # what is written beside changes nothing of it
+    method = settings.model_dump(
+        mode="json", exclude={"report"}
+    )  # what is written beside changes nothing of it
     made_of = [of_content, ending, file.unit, method, seed, version("cusp")]
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 

@@ -82,10 +82,14 @@ class Analysis:
 
     def segment_colours(self) -> FloatArray:
         """(n, 3) of the vertices of `mesh`."""
-        return palette.of_vertices(self.segmentation.labels, self.segmentation.halo)[self.resampled.working_of_clean]
+        return palette.of_vertices(self.segmentation.labels, self.segmentation.halo)[
+            self.resampled.working_of_clean
+        ]
 
 
-def read(file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool) -> tuple[Loaded, Cleaned]:
+def read(
+    file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool
+) -> tuple[Loaded, Cleaned]:
     with watch.stage(Stage.LOAD, name):
         loaded = load(file, name, settings.load, needs_surface=needs_surface)
     with watch.stage(Stage.CLEAN, name):
@@ -136,12 +140,21 @@ def landmark_records(analysis: Analysis) -> list[Landmark]:
 
 def segments_record(analysis: Analysis, settings: Settings) -> Segments:
     return cut_record(
-        analysis.mesh, analysis.resampled, analysis.segmentation, settings, limit_share=analysis.landmarks.limit_share
+        analysis.mesh,
+        analysis.resampled,
+        analysis.segmentation,
+        settings,
+        limit_share=analysis.landmarks.limit_share,
     )
 
 
 def cut_record(
-    mesh: Mesh, resampled: Resampled, segmentation: Segmentation, settings: Settings, *, limit_share: float | None
+    mesh: Mesh,
+    resampled: Resampled,
+    segmentation: Segmentation,
+    settings: Settings,
+    *,
+    limit_share: float | None,
 ) -> Segments:
     """Centres are given as the nearest vertex of `mesh`, the cleaned one; `size` counts its vertices."""
     positions = resampled.mesh.vertices[segmentation.centres]
@@ -176,5 +189,7 @@ def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings)
         *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
         *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
     )
-    decision_graph.write(out / f"{name}.decision_graph.svg", name, analysis.segmentation, settings.segmentation)
+    decision_graph.write(
+        out / f"{name}.decision_graph.svg", name, analysis.segmentation, settings.segmentation
+    )
     return [f"{name}.clean.ply", f"{name}.vertices.csv", f"{name}.decision_graph.svg"]

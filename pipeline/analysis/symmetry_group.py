@@ -27,9 +27,14 @@ POINTS, ICP_POINTS, FEW_POINTS = 10_000, 1_500, 300
 LARGEST_FOLD = 12
 EQUAL_AXES = 0.05  # of the largest variance: nearer ones may be equal
 HALF_TURNS_DEG = 5.0  # apart: within the reach of an ICP
-COARSE_SHARE, REFINE_SHARE = 0.04, 0.02  # of the diagonal: truncation of the quick judgement, and of the short ICP
+COARSE_SHARE, REFINE_SHARE = (
+    0.04,
+    0.02,
+)  # of the diagonal: truncation of the quick judgement, and of the short ICP
 TRIED = 16
-ALIKE_SHARE = 0.008  # of the diagonal: what leaves less may be taken for the design by a scan, or of a part of it
+ALIKE_SHARE = (
+    0.008  # of the diagonal: what leaves less may be taken for the design by a scan, or of a part of it
+)
 GENERATORS, MOST_NEAR = 6, 96
 
 
@@ -54,7 +59,8 @@ class SelfImages:
         images = cls(surface)
         nearly = images._promising_turns()
         nearly += [
-            (each.cost_mm2, each.T_design_scan) for each in match(design, design, length_mm, settings, seed).hypotheses
+            (each.cost_mm2, each.T_design_scan)
+            for each in match(design, design, length_mm, settings, seed).hypotheses
         ]
         for cost_mm2, T in nearly:
             if cost_mm2 <= (NEAR_SHARE * images._diagonal) ** 2:
@@ -78,7 +84,9 @@ class SelfImages:
             found, points = self.refined(T), self._samples.points
             if found is None:
                 return False
-            return rigid.rms_displacement(found, T, points) < 0.5 * rigid.rms_displacement(T, np.eye(4), points)
+            return rigid.rms_displacement(found, T, points) < 0.5 * rigid.rms_displacement(
+                T, np.eye(4), points
+            )
         return any(self.same(T, each) for each in self.others) or self.refined(T) is not None
 
     def refined(self, T: FloatArray) -> FloatArray | None:

@@ -37,7 +37,9 @@ def write(path: Path, record: Any) -> None:
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     meta = _taken(record, "r", arrays)
     arrays[_META] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
-    passing = path.with_name(f"{path.name}.{os.getpid()}.part")  # two workers may meet the same design at once
+    passing = path.with_name(
+        f"{path.name}.{os.getpid()}.part"
+    )  # two workers may meet the same design at once
     with passing.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
     passing.replace(path)
@@ -98,10 +100,14 @@ def _given(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
         return arrays[key]
     if origin is tuple:
         return tuple(
-            _given(typing.get_args(kind)[0], each, f"{key}.{number}", arrays) for number, each in enumerate(meta)
+            _given(typing.get_args(kind)[0], each, f"{key}.{number}", arrays)
+            for number, each in enumerate(meta)
         )
     if origin is dict:
-        return {name: _given(typing.get_args(kind)[1], each, f"{key}/{name}", arrays) for name, each in meta.items()}
+        return {
+            name: _given(typing.get_args(kind)[1], each, f"{key}/{name}", arrays)
+            for name, each in meta.items()
+        }
     if kind is bytes:
         return arrays[key].tobytes()
     if kind is Mesh:

@@ -111,6 +111,4 @@ class ComponentsTooSmall(PipelineError):
 class TooFewLandmarks(PipelineError):
     stage = Stage.STUDY
     code = "too_few_landmarks"
-    default_remedy = (
-        "the surface has too little relief for a study of landmarks: lower landmarks.min_relief, or send another part"
-    )
+    default_remedy = "the surface has too little relief for a study of landmarks: lower landmarks.min_relief, or send another part"

@@ -60,7 +60,9 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
     if b"\0" not in head:
         if _OBJ_LINE.search(text):
             return Format.OBJ
-        lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith((b"#", b"//"))]
+        lines = [
+            line for line in text.splitlines() if line.strip() and not line.lstrip().startswith((b"#", b"//"))
+        ]
         whole = lines if size <= len(head) else lines[:-1]  # the last line of a partial head may be cut
         if whole and (_XYZ_LINE.match(whole[0]) or len(whole) > 1) and all(map(_XYZ_LINE.match, whole[1:])):
             return Format.XYZ  # the first line may be a heading

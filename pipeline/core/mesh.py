@@ -34,7 +34,9 @@ class Mesh:
         indices = np.asarray(self.faces).reshape(-1, 3)
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
         if bad.size:
-            raise NotFinite(f"{bad.size} of {len(vertices)} vertices are NaN or infinite, the first is number {bad[0]}")
+            raise NotFinite(
+                f"{bad.size} of {len(vertices)} vertices are NaN or infinite, the first is number {bad[0]}"
+            )
         if indices.size and (indices.min() < 0 or indices.max() >= len(vertices)):
             face = int(np.flatnonzero(((indices < 0) | (indices >= len(vertices))).any(axis=1))[0])
             raise IndexOutOfRange(
@@ -79,7 +81,9 @@ class Mesh:
     def vertex_areas_mm2(self) -> FloatArray:
         """(n,) lumped (barycentric) areas: a third of the incident triangles; sums to the area of the mesh."""
         thirds = np.repeat(self.face_areas_mm2() / 3.0, 3)
-        return np.bincount(self.faces.ravel(), weights=thirds, minlength=len(self.vertices)).astype(np.float64)
+        return np.bincount(self.faces.ravel(), weights=thirds, minlength=len(self.vertices)).astype(
+            np.float64
+        )
 
     def weights(self) -> FloatArray:
         """(n,) what each vertex counts for in area-weighted statistics, summing to 1; equal for a point cloud."""
@@ -93,7 +97,9 @@ class Mesh:
         """(n, 3) unit normals, area-weighted over incident triangles; zero where undefined."""
         cross = np.repeat(self.face_cross_mm2(), 3, axis=0)
         flat = self.faces.ravel()
-        summed = np.stack([np.bincount(flat, weights=cross[:, k], minlength=len(self.vertices)) for k in range(3)], 1)
+        summed = np.stack(
+            [np.bincount(flat, weights=cross[:, k], minlength=len(self.vertices)) for k in range(3)], 1
+        )
         length = np.linalg.norm(summed, axis=1, keepdims=True)
         unit: FloatArray = np.divide(summed, length, out=np.zeros_like(summed), where=length > 0)
         return unit

@@ -11,7 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from pipeline.core.settings import Detector, SegmentationMethod
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
-Matrix4 = Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)]
+Matrix4 = Annotated[
+    list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
+]
 
 
 class Record(BaseModel):
@@ -45,7 +47,9 @@ class Verdict(Record):
         le=1,
         description="probability that the pose is right, from the evidence for it; 0 without a pose",
     )
-    findings: list[Finding] = Field(description="what the status rests on, and what else a person should know")
+    findings: list[Finding] = Field(
+        description="what the status rests on, and what else a person should know"
+    )
 
 
 class Transform(Record):
@@ -73,7 +77,9 @@ class Alternative(Record):
     matrix: Matrix4 = Field(description="4x4, rows, as in `transform`")
     score: float = Field(description="its cost over the winner's: 1 is as good")
     rmse_mm: float = Field(description="on a sample of the scan")
-    symmetry_of_design: bool = Field(description="moving the design from the pose to this one leaves it the same")
+    symmetry_of_design: bool = Field(
+        description="moving the design from the pose to this one leaves it the same"
+    )
 
 
 class Metrics(Record):
@@ -81,16 +87,24 @@ class Metrics(Record):
 
     rmse_initial_mm: float = Field(description="RMSE_i: as uploaded")
     rmse_landmarks_mm: float | None = Field(description="RMSE_p: under the transform from landmarks alone")
-    rmse_complete_mm: float = Field(description="RMSE_c: under ICP of the complete shape from the uploaded pose")
+    rmse_complete_mm: float = Field(
+        description="RMSE_c: under ICP of the complete shape from the uploaded pose"
+    )
     k_ratio: float | None = Field(description="RMSE_c / RMSE_p")
     rmse_mm: float | None = Field(description="under the final transform; null when there is none")
     inlier_rmse_mm: float | None = Field(description="the same over scan vertices within inlier_distance_mm")
-    inlier_distance_mm: float = Field(description="distance up to which a point counts as lying on the other surface")
-    fitness: float | None = Field(description="area share of the scan within inlier_distance_mm of the design")
+    inlier_distance_mm: float = Field(
+        description="distance up to which a point counts as lying on the other surface"
+    )
+    fitness: float | None = Field(
+        description="area share of the scan within inlier_distance_mm of the design"
+    )
     scan_overlap: float | None = Field(
         description="area share of the scan within inlier_distance_mm, its closest design point not on an open border"
     )
-    design_coverage: float | None = Field(description="area share of the design within inlier_distance_mm of the scan")
+    design_coverage: float | None = Field(
+        description="area share of the design within inlier_distance_mm of the scan"
+    )
     iterations: int = Field(description="of the final ICP")
     converged: bool = Field(description="whether the final ICP came to rest before `max_iterations`")
 
@@ -101,7 +115,9 @@ class Landmark(Record):
     position_mm: Vector3 = Field(description="in the mesh's own frame, in mm")
     normal: Vector3 = Field(description="unit outward normal there")
     segment: int = Field(description="number of its segment")
-    t2: float = Field(description="T^2 by the spread of its segment (at most that of the part), which the limit is for")
+    t2: float = Field(
+        description="T^2 by the spread of its segment (at most that of the part), which the limit is for"
+    )
     strength: float = Field(
         description="what landmarks are ordered by: T^2 by the spread of the whole part, over its limit, so that "
         "segments compare (statistics `segment`: by and over that of the segment)"
@@ -223,7 +239,9 @@ class Observability(Record):
     """6x6 point-to-plane Hessian at the area centroid, rotations scaled by the part's RMS radius."""
 
     eigenvalues: list[float] = Field(description="ascending, mean over the inliers")
-    condition_number: float | None = Field(description="largest over smallest eigenvalue; null: the smallest is 0")
+    condition_number: float | None = Field(
+        description="largest over smallest eigenvalue; null: the smallest is 0"
+    )
     free_motions: list[FreeMotion] = Field(
         description="less certain than the tolerance, or than a share of the diagonal"
     )
@@ -235,8 +253,12 @@ class Scale(Record):
     unit_factor : of a `units_suspect` scan, what its numbers must be multiplied by; `transform` is of the scan so scaled
     """
 
-    isotropic: float | None = Field(description="size of the scan over the design's: 0.996 is 0.4 % too small")
-    per_axis: list[float] | None = Field(description="the same along x, y, z of the design; null: cannot tell")
+    isotropic: float | None = Field(
+        description="size of the scan over the design's: 0.996 is 0.4 % too small"
+    )
+    per_axis: list[float] | None = Field(
+        description="the same along x, y, z of the design; null: cannot tell"
+    )
     warp_mm: float | None = Field(
         description="RMS over patches of the mean distance left after scaling by axis: what is bent, not rough"
     )
@@ -283,10 +305,14 @@ class OneProvenance(MadeBy):
 class RegistrationResult(Record):
     """What a registration job found. `verdict.status` first; `transform` is null when there is no pose to stand by."""
 
-    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    schema_version: Literal["1"] = Field(
+        "1", description="of this document; fields are only added within a version"
+    )
     type: Literal["registration"] = Field("registration", description="type of the job")
     verdict: Verdict = Field(description="read this first")
-    transform: Transform | None = Field(description="the pose of the scan on the design; null: none to stand by")
+    transform: Transform | None = Field(
+        description="the pose of the scan on the design; null: none to stand by"
+    )
     alternatives: list[Alternative] = Field(
         description="other poses that fit, and symmetries; of `no_match` and `mirrored` what was tried and rejected"
     )
@@ -297,7 +323,9 @@ class RegistrationResult(Record):
     deviation_of_design: DesignDeviation | None = Field(
         description="of the design from the scan; null without a pose, or where the scan shows none of it"
     )
-    observability: Observability | None = Field(description="which motions the data cannot see; null without a pose")
+    observability: Observability | None = Field(
+        description="which motions the data cannot see; null without a pose"
+    )
     scale: Scale | None = Field(description="diagnosis of size and warp; null without a pose")
     provenance: Provenance = Field(description="what this was made from and with")
     timings_s: dict[str, float] = Field(description="seconds by stage; not part of what repeats to the byte")
@@ -308,7 +336,9 @@ class RegistrationResult(Record):
 class SegmentsResult(Record):
     """What `find_segments` found in one mesh. The centres' `vertex` is one of `mesh.segments.ply`."""
 
-    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    schema_version: Literal["1"] = Field(
+        "1", description="of this document; fields are only added within a version"
+    )
     type: Literal["segments"] = Field("segments", description="type of the job")
     segments: SegmentsOfMesh = Field(description="of the mesh")
     provenance: OneProvenance = Field(description="what this was made from and with")
@@ -324,7 +354,9 @@ class LandmarksOfMesh(Record):
 class LandmarksResult(Record):
     """What a landmarks job found in one mesh."""
 
-    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    schema_version: Literal["1"] = Field(
+        "1", description="of this document; fields are only added within a version"
+    )
     type: Literal["landmarks"] = Field("landmarks", description="type of the job")
     segments: SegmentsOfMesh = Field(description="of the mesh")
     landmarks: LandmarksOfMesh = Field(description="of the mesh")
@@ -355,7 +387,9 @@ class InformativenessProtocol(Record):
     points: int = Field(description="points of the complete shape")
     count: int = Field(description="points a detector")
     icp: dict[str, str] = Field(description="what each ICP protocol is")
-    tie: float = Field(description="RMSE_c and RMSE_p below this share of the diagonal are both rounding error: a tie")
+    tie: float = Field(
+        description="RMSE_c and RMSE_p below this share of the diagonal are both rounding error: a tie"
+    )
 
 
 class InformativenessRow(Record):
@@ -407,9 +441,13 @@ class RepeatabilityRow(Record):
 class StudyResult(Record):
     """What a study found: the protocol, one row a detector (and ICP protocol or condition), in words."""
 
-    schema_version: Literal["1"] = Field("1", description="of this document; fields are only added within a version")
+    schema_version: Literal["1"] = Field(
+        "1", description="of this document; fields are only added within a version"
+    )
     type: Literal["study"] = Field("study", description="type of the job")
-    protocol: InformativenessProtocol | RepeatabilityProtocol = Field(discriminator="kind", description="what was done")
+    protocol: InformativenessProtocol | RepeatabilityProtocol = Field(
+        discriminator="kind", description="what was done"
+    )
     informativeness: list[InformativenessRow] | None = Field(description="null in the other kind of study")
     repeatability: list[RepeatabilityRow] | None = Field(description="null in the other kind of study")
     summary: str = Field(description="one paragraph in words")

@@ -33,14 +33,18 @@ class CleanSettings(Section):
         le=1e-3,
         description="border vertices this close (share of the diagonal) are one; 0 is off",
     )
-    repair_non_manifold: bool = Field(True, description="remove faces at edges that more than two faces share")
+    repair_non_manifold: bool = Field(
+        True, description="remove faces at edges that more than two faces share"
+    )
     min_component_share: float = Field(
         0.0, ge=0, lt=1, description="drop connected pieces below this share of the area; 0 keeps all"
     )
 
 
 class ResampleSettings(Section):
-    enabled: bool = Field(True, description="analyse an isotropic working mesh instead of the file's triangles")
+    enabled: bool = Field(
+        True, description="analyse an isotropic working mesh instead of the file's triangles"
+    )
     target_vertices: int = Field(
         4000,
         ge=200,
@@ -57,9 +61,14 @@ class GeodesicsSettings(Section):
     metric: Literal["surface", "crease"] = Field(
         "crease", description="what a path costs: its length (paper), or more where it crosses valleys"
     )
-    crease_beta: float = Field(4.0, ge=0, le=100, description="crossing a valley costs twice this many times its depth")
+    crease_beta: float = Field(
+        4.0, ge=0, le=100, description="crossing a valley costs twice this many times its depth"
+    )
     crease_radius_share: float = Field(
-        0.03, gt=0, lt=0.5, description="width of the valleys that count, as a share of sqrt(area of the design)"
+        0.03,
+        gt=0,
+        lt=0.5,
+        description="width of the valleys that count, as a share of sqrt(area of the design)",
     )
 
 
@@ -78,10 +87,14 @@ class SegmentationSettings(Section):
         0.13, gt=0, lt=1, description="size of the bumps, as a share of sqrt(area of the design)"
     )
     convexity_sharpness: float = Field(
-        0.03, gt=0, le=10, description="share of that size by which a vertex must be higher to weigh e times as much"
+        0.03,
+        gt=0,
+        le=10,
+        description="share of that size by which a vertex must be higher to weigh e times as much",
     )
     kernel: Literal["cutoff", "gaussian"] = Field(
-        "gaussian", description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)"
+        "gaussian",
+        description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)",
     )
     n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
     rho_min: float | None = Field(
@@ -89,18 +102,23 @@ class SegmentationSettings(Section):
     )
     delta_min_mm: float | None = Field(None, ge=0, description="see rho_min; either alone will do")
     centre_rule: Literal["prominence", "decision_graph"] = Field(
-        "prominence", description="without any of the three above: join peaks over dense borders, or thresholds (paper)"
+        "prominence",
+        description="without any of the three above: join peaks over dense borders, or thresholds (paper)",
     )
     min_prominence: float = Field(
         4.33, ge=0, description="prominence: a centre stays when its log rho is this much above its borders'"
     )
     delta_min_dc: float = Field(
-        1.5, ge=0, description="decision_graph: a centre has delta of at least this many d_c (prominence starts from 1)"
+        1.5,
+        ge=0,
+        description="decision_graph: a centre has delta of at least this many d_c (prominence starts from 1)",
     )
     rho_min_share: float = Field(
         0.5, ge=0, le=1, description="decision_graph: and rho of at least this share of the median rho"
     )
-    max_centres: int = Field(64, ge=1, description="decision_graph: at most so many, the largest rho * delta first")
+    max_centres: int = Field(
+        64, ge=1, description="decision_graph: at most so many, the largest rho * delta first"
+    )
     min_component_share: float = Field(
         0.01, ge=0, lt=1, description="a connected piece needs this share of the area to have a centre"
     )
@@ -116,13 +134,17 @@ class FeaturesSettings(Section):
     )
     radius_mm: float | None = Field(None, gt=0, description="the same in mm; overrides the share")
     target_vertices: int = Field(
-        8000, ge=200, le=400_000, description="vertices of the finer mesh of the design that features are computed on"
+        8000,
+        ge=200,
+        le=400_000,
+        description="vertices of the finer mesh of the design that features are computed on",
     )
 
 
 class LandmarksSettings(Section):
     detector: Detector = Field(
-        "t2", description="T^2 in each segment (the method), or a competitor: see `pipeline/stages/detectors.py`"
+        "t2",
+        description="T^2 in each segment (the method), or a competitor: see `pipeline/stages/detectors.py`",
     )
     count: int | None = Field(
         None,
@@ -141,11 +163,16 @@ class LandmarksSettings(Section):
         description="T^2 by the part's covariance and the segment's own size of spread, or by the segment's (paper)",
     )
     standardize: bool = Field(
-        True, description="segment: one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)"
+        True,
+        description="segment: one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)",
     )
-    include_halo: bool = Field(True, description="use halo vertices for the PCA and as landmarks (paper: false)")
+    include_halo: bool = Field(
+        True, description="use halo vertices for the PCA and as landmarks (paper: false)"
+    )
     min_segment_vertices: int = Field(
-        30, ge=8, description="smaller segments take the spread of the part, or with `segment` get no landmarks"
+        30,
+        ge=8,
+        description="smaller segments take the spread of the part, or with `segment` get no landmarks",
     )
     border_distance_radii: float = Field(
         0.5,
@@ -181,7 +208,9 @@ class MatchingSettings(Section):
     )
     descriptor_radius_lengths: float = Field(5.0, gt=0, description="FPFH support in units of length")
     candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
-    max_pairs: int = Field(8_000, ge=100, description="best-agreeing correspondence pairs turned into poses, a source")
+    max_pairs: int = Field(
+        8_000, ge=100, description="best-agreeing correspondence pairs turned into poses, a source"
+    )
     max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
     sample_points: int = Field(1500, ge=100, description="scan points of the short ICP")
     axes_poses: bool = Field(True, description="also try the 24 poses that align principal axes")
@@ -204,10 +233,14 @@ class RegistrationSettings(Section):
         0.05, ge=0, le=1, description="verdict no_match when the scan shows less of the design than this"
     )
     max_residual_share: float = Field(
-        0.009, gt=0, description="verdict no_match when the truncated RMS distance is above this share of the diagonal"
+        0.009,
+        gt=0,
+        description="verdict no_match when the truncated RMS distance is above this share of the diagonal",
     )
     rival_margin: float = Field(
-        1.25, ge=1, description="verdict ambiguous when another pose scores less than this many times the best"
+        1.25,
+        ge=1,
+        description="verdict ambiguous when another pose scores less than this many times the best",
     )
     free_motion_share: float = Field(
         0.005,
@@ -215,10 +248,15 @@ class RegistrationSettings(Section):
         description="verdict under_constrained when a motion is less certain (one sigma) than this share of the diagonal",
     )
     mirror_share: float = Field(
-        0.0025, ge=0, description="look for a mirrored scan when the residual is above this share of the diagonal"
+        0.0025,
+        ge=0,
+        description="look for a mirrored scan when the residual is above this share of the diagonal",
     )
     mirror_gain: float = Field(
-        0.6, gt=0, le=1, description="verdict mirrored when the reflection leaves less than this share of the residual"
+        0.6,
+        gt=0,
+        le=1,
+        description="verdict mirrored when the reflection leaves less than this share of the residual",
     )
 
 
@@ -232,10 +270,14 @@ class StudySettings(Section):
     """What a study job does; `options.study` of a job is laid over this."""
 
     kind: StudyKind = Field(
-        "informativeness", description="the paper's protocol, or are landmarks found again on another mesh of the shape"
+        "informativeness",
+        description="the paper's protocol, or are landmarks found again on another mesh of the shape",
     )
     trials: int | None = Field(
-        None, ge=1, le=1_000_000, description="null: 10,000 for informativeness, 5 a condition for repeatability"
+        None,
+        ge=1,
+        le=1_000_000,
+        description="null: 10,000 for informativeness, 5 a condition for repeatability",
     )
     detectors: tuple[Detector, ...] = Field(
         ("t2", "gaussian_curvature", "agd", "hks", "iss", "gp", "farthest", "random"),
@@ -249,7 +291,10 @@ class StudySettings(Section):
         "repeatability: standard deviation of the noise; null: 0.1 % and 0.3 % of the diagonal",
     )
     rotation_deg: float = Field(
-        0.0, ge=0, le=180, description="informativeness: also turn by up to this about a random axis (paper: 0)"
+        0.0,
+        ge=0,
+        le=180,
+        description="informativeness: also turn by up to this about a random axis (paper: 0)",
     )
     eps: float = Field(
         0.01, gt=0, lt=0.2, description="repeatability: found again means within this share of the diagonal"

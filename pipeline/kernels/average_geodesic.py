@@ -16,7 +16,9 @@ from pipeline.kernels.geodesics import GeodesicSolver
 BASES = 160  # on the whole mesh; a piece gets its share of the area
 
 
-def average_geodesic(vertices: FloatArray, areas: FloatArray, solver: GeodesicSolver, bases: int = BASES) -> FloatArray:
+def average_geodesic(
+    vertices: FloatArray, areas: FloatArray, solver: GeodesicSolver, bases: int = BASES
+) -> FloatArray:
     """(n,) mm, area-weighted mean distance to the own connected piece.
 
     vertices : (n, 3) mm; areas : (n,) mm^2 of the vertices; bases : evenly spread (farthest-point) sources in all.

@@ -73,7 +73,9 @@ def k_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Parti
     with threadpool_limits(limits=1):  # it adds up in the order its threads finish
         found = KMeans(n_clusters=k, n_init=STARTS, max_iter=MAX_ITERATIONS, random_state=seed)
         found.fit(points, sample_weight=weights)
-    return Partition(np.asarray(found.labels_, dtype=np.int64), np.asarray(found.cluster_centers_, dtype=np.float64))
+    return Partition(
+        np.asarray(found.labels_, dtype=np.int64), np.asarray(found.cluster_centers_, dtype=np.float64)
+    )
 
 
 def gaussian_mixture(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
@@ -118,7 +120,9 @@ def fuzzy_c_means(points: FloatArray, weights: FloatArray, k: int, seed: int) ->
     """Bezdek 1981 with m = 2, the best of `SLOW_STARTS`; a point belongs where its membership is largest."""
     rng = np.random.default_rng(seed)
     starts = [points[_seeds(points, weights, k, rng, order=2)] for _ in range(SLOW_STARTS)]
-    best = min((fuzzy_from(points, weights, start) for start in starts), key=lambda found: found.objective[-1])
+    best = min(
+        (fuzzy_from(points, weights, start) for start in starts), key=lambda found: found.objective[-1]
+    )
     return Partition(best.memberships.argmax(axis=1), best.positions_mm)
 
 
@@ -156,7 +160,9 @@ def _memberships(dist_sq: FloatArray) -> FloatArray:
     return memberships
 
 
-def _k_medians_from(points: FloatArray, weights: FloatArray, positions_mm: FloatArray) -> tuple[Partition, float]:
+def _k_medians_from(
+    points: FloatArray, weights: FloatArray, positions_mm: FloatArray
+) -> tuple[Partition, float]:
     positions_mm = positions_mm.copy()
     labels = np.full(len(points), -1, dtype=np.int64)
     for _ in range(MAX_ITERATIONS):
@@ -183,7 +189,9 @@ def _weighted_median(points: FloatArray, weights: FloatArray) -> FloatArray:
     return np.asarray(points[order[half, range(3)], range(3)], dtype=np.float64)
 
 
-def _seeds(points: FloatArray, weights: FloatArray, k: int, rng: np.random.Generator, *, order: int) -> IndexArray:
+def _seeds(
+    points: FloatArray, weights: FloatArray, k: int, rng: np.random.Generator, *, order: int
+) -> IndexArray:
     """(k,) points drawn one after another with probability w_i d_i^order, d_i the distance to the nearest drawn one
     (k-means++; order 1 is its form for medians).
     """
@@ -212,7 +220,9 @@ def _ordered(points: FloatArray, partition: Partition) -> Clusters:
     """Empty clusters left out, a member for each centre, the largest cluster first."""
     kept, labels, sizes = np.unique(partition.labels, return_inverse=True, return_counts=True)
     to_centre = np.linalg.norm(points - partition.positions_mm[partition.labels], axis=1)
-    by_label = np.lexsort((np.arange(len(points)), to_centre, labels))  # the nearest member first in each cluster
+    by_label = np.lexsort(
+        (np.arange(len(points)), to_centre, labels)
+    )  # the nearest member first in each cluster
     centres = by_label[np.searchsorted(labels[by_label], np.arange(len(kept)))]
     order = np.lexsort((centres, -sizes))
     rank = np.empty(len(kept), dtype=np.int32)

@@ -21,7 +21,9 @@ from pipeline.kernels.native import core
 RULES = ("library", "converged")  # the columns of every (t, 2) below
 LIBRARY_ITERATIONS = 30  # the defaults of open3d.pipelines.registration.registration_icp (0.20)
 LIBRARY_TOLERANCE = 1e-6  # its "relative_rmse" is a difference, in the unit of the points
-MAX_ITERATIONS = 1000  # of the other rule; 122 was the most on arches, printed parts and a plane, up to 45 degrees away
+MAX_ITERATIONS = (
+    1000  # of the other rule; 122 was the most on arches, printed parts and a plane, up to 45 degrees away
+)
 DESCRIPTIONS = {
     "library": f"the defaults of Open3D's registration_icp: until the RMS distance of the pairs changes by less than "
     f"{LIBRARY_TOLERANCE:g} mm, at most {LIBRARY_ITERATIONS} iterations; no limit to the distance of a pair",
@@ -68,7 +70,9 @@ class CopyIcp:
 
     def rmse_mm(self, T_copy_points: FloatArray, T_points_copy: FloatArray) -> FloatArray:
         """(t,) RMS over all points of |T_points_copy @ (T_copy_points @ p) - p|: each point to its own, both (t, 4, 4)."""
-        return np.asarray(self._core.rms_error(_matrices(T_copy_points), _matrices(T_points_copy), self._threads))
+        return np.asarray(
+            self._core.rms_error(_matrices(T_copy_points), _matrices(T_points_copy), self._threads)
+        )
 
 
 def _matrices(T: FloatArray) -> FloatArray:

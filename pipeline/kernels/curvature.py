@@ -36,7 +36,9 @@ def integrated_laplacian(mesh: Mesh) -> FloatArray:
 def angle_defect(mesh: Mesh, *, border_correction: bool) -> FloatArray:
     """(n,) integrated Gaussian curvature: 2 pi minus the angles at the vertex; pi minus on a corrected border."""
     n = len(mesh.vertices)
-    around = np.bincount(mesh.faces.ravel(), weights=corner_angles(mesh.vertices[mesh.faces]).ravel(), minlength=n)
+    around = np.bincount(
+        mesh.faces.ravel(), weights=corner_angles(mesh.vertices[mesh.faces]).ravel(), minlength=n
+    )
     full = np.full(n, 2 * np.pi)
     if border_correction:
         full[topology.border_vertices(mesh.faces, n)] = np.pi

@@ -124,7 +124,9 @@ def persistent_centres(
     return candidates[kept].astype(np.int64), new[labels]
 
 
-def halo(rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable[[IndexArray], BoolArray]) -> BoolArray:
+def halo(
+    rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable[[IndexArray], BoolArray]
+) -> BoolArray:
     """(n,) vertices less dense than their cluster's border density, by the *article's* definition.
 
     The border region of a cluster are its points within d_c of a point of another cluster; its border density is the highest
@@ -139,7 +141,9 @@ def halo(rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable
     border_rho = np.zeros(n_clusters + 1)  # last: vertices without a cluster
     open_clusters, batch, offset = list(range(n_clusters)), _FIRST_BATCH, 0
     while open_clusters:
-        asked = [order[begin[c] + offset : min(begin[c + 1], begin[c] + offset + batch)] for c in open_clusters]
+        asked = [
+            order[begin[c] + offset : min(begin[c + 1], begin[c] + offset + batch)] for c in open_clusters
+        ]
         answers = np.split(at_border(np.concatenate(asked)), np.cumsum([len(each) for each in asked])[:-1])
         still = []
         for cluster, vertices, answer in zip(open_clusters, asked, answers, strict=True):

@@ -22,7 +22,9 @@ from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.kernels import topology
 from pipeline.kernels.native import core
 
-OnShare = Callable[[float], bool | None]  # hears the share done; answering False stops the work with InterruptedError
+OnShare = Callable[
+    [float], bool | None
+]  # hears the share done; answering False stops the work with InterruptedError
 
 _SLACK = 1e-9  # two directions of a pair differ by less than this, relatively
 _SAMPLE = 256  # sources that d_c is first estimated from
@@ -52,7 +54,9 @@ class GeodesicSolver:
         self._threads = threads or len(os.sched_getaffinity(0))
         self._on_share = on_share
         lengths = edge_lengths(vertices, faces) if lengths is None else lengths
-        whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # a face that names a vertex twice joins nothing
+        whole = (faces != np.roll(faces, 1, axis=1)).all(
+            axis=1
+        )  # a face that names a vertex twice joins nothing
         faces, lengths = np.ascontiguousarray(faces[whole], dtype=np.int32), lengths[whole]
         self.components: IntArray = topology.vertex_components(faces, self.n)
         self._longest = float(lengths.max(initial=0.0))
@@ -83,7 +87,9 @@ class GeodesicSolver:
 
         A pair at distance 0 (two vertices in one place) is stored as an explicit 0.
         """
-        counts, j, d = self._core.balls(np.arange(self.n), radius * (1 + _SLACK), self._threads, self._on_share)
+        counts, j, d = self._core.balls(
+            np.arange(self.n), radius * (1 + _SLACK), self._threads, self._on_share
+        )
         i = np.repeat(np.arange(self.n), counts)
         low, high, d, _ = _canonical(_column(i), _column(j), np.asarray(d), self.n)
         kept = d <= radius
@@ -96,9 +102,9 @@ class GeodesicSolver:
     def count_within(self, radius: float) -> IndexArray:
         """(n,) number of other vertices with d <= radius, streamed: memory is O(n)."""
         ones = np.ones(self.n)
-        return self._pass(ones, radius * (1 - _SLACK), radius * (1 + _SLACK)).up_to(np.nextafter(radius, np.inf), ones)[
-            0
-        ]
+        return self._pass(ones, radius * (1 - _SLACK), radius * (1 + _SLACK)).up_to(
+            np.nextafter(radius, np.inf), ones
+        )[0]
 
     def density(self, d_c: float, weights: FloatArray, *, gaussian: bool = False) -> FloatArray:
         """(n,) local density, streamed: memory is O(n) and never a matrix.
@@ -121,7 +127,9 @@ class GeodesicSolver:
         distance = np.full(self.n, np.inf)
         rank = density_rank(rho)
         _, first_of_piece = np.unique(self.components[np.argsort(rank)], return_index=True)
-        peaks = np.argsort(rank)[first_of_piece]  # nobody is denser: a search would go through the whole piece
+        peaks = np.argsort(rank)[
+            first_of_piece
+        ]  # nobody is denser: a search would go through the whole piece
         climbing = np.setdiff1d(np.arange(self.n), peaks)
         counts, found, d = self._core.nearest_denser(climbing, rank, _SLACK, self._threads, self._on_share)
         i, j = _column(np.repeat(climbing, counts)), _column(found)
@@ -139,7 +147,9 @@ class GeodesicSolver:
             _sources(sources), labels, limit, _SLACK, self._threads, self._on_share
         )
         i, j = _column(np.repeat(np.arange(len(sources)), counts)), _column(other)
-        d = np.minimum(d, self._core.between(j, _sources(sources)[i], d * (1 + _SLACK), self._threads, self._on_share))
+        d = np.minimum(
+            d, self._core.between(j, _sources(sources)[i], d * (1 + _SLACK), self._threads, self._on_share)
+        )
         nearest = np.full(len(sources), np.inf)
         np.minimum.at(nearest, i, d)
         return np.asarray(np.where(nearest < radius, nearest, np.inf))
@@ -157,7 +167,9 @@ class GeodesicSolver:
         k = max(1, round(q * (self.n * (self.n - 1) // 2)))
         sizes = np.bincount(self.components)
         if k > int((sizes * (sizes - 1) // 2).sum()):
-            return float("inf"), rounded(np.bincount(self.components, weights).astype(np.float64)[self.components])
+            return float("inf"), rounded(
+                np.bincount(self.components, weights).astype(np.float64)[self.components]
+            )
         estimate = self._estimate(k)
         floor = 1e-9 * estimate
         low, high = estimate * (1 - _SHELL), estimate * (1 + _SHELL)

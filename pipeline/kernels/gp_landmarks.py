@@ -64,7 +64,9 @@ def most_uncertain(phi: csr_matrix, weights: FloatArray, count: int) -> Greedy:
     """At most `count` points of the greedy choice, fewer when no uncertainty is left. phi : (n, n); weights : (n,)."""
     variance = np.asarray(phi.multiply(phi) @ weights, dtype=np.float64)
     floor = _EXHAUSTED * float(variance.max(initial=0.0))
-    factor = np.zeros((count, len(weights)))  # rows of the Cholesky factor: k = factor.T @ factor on the taken
+    factor = np.zeros(
+        (count, len(weights))
+    )  # rows of the Cholesky factor: k = factor.T @ factor on the taken
     taken, before = [], []
     for row in range(count):
         new = int(variance.argmax()) if len(variance) else -1

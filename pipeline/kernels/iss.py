@@ -57,7 +57,9 @@ def saliency_mm2(points: FloatArray, radius_mm: float) -> FloatArray:
     offset = points[j] - points[i]  # about the point itself: moments about the origin would lose digits
     count = np.bincount(i, minlength=len(points)).astype(np.float64)
     count_or_1 = np.maximum(count, 1.0)
-    mean = np.stack([np.bincount(i, offset[:, a], minlength=len(points)) / count_or_1 for a in range(3)], axis=1)
+    mean = np.stack(
+        [np.bincount(i, offset[:, a], minlength=len(points)) / count_or_1 for a in range(3)], axis=1
+    )
     covariance = np.zeros((len(points), 3, 3))
     for a, b in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         second = np.bincount(i, offset[:, a] * offset[:, b], minlength=len(points)) / count_or_1

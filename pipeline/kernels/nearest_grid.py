@@ -44,7 +44,9 @@ class NearestGrid:
             cell = np.floor((moved - self._low) / self._cell).astype(np.int64)
             inside = ((cell >= 0) & (cell < self._shape)).all(axis=2)
             cell = np.clip(cell, 0, self._shape - 1)
-            found = self._nearest[(cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]]
+            found = self._nearest[
+                (cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]
+            ]
             squared = ((moved - self._points[found]) ** 2).sum(axis=2)
             turned = rigid.turned(chunk[:, :3, :3], normals) * facing[start : start + block, None, None]
             inside &= (turned * self._normals[found]).sum(axis=2) > 0.5

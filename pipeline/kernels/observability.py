@@ -16,12 +16,16 @@ from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.kernels import rigid
 
 PATCHES = 100
-MOST_EFFECTIVE = 300  # warp and calibration correlate everywhere: thousands of points never are so many samples
+MOST_EFFECTIVE = (
+    300  # warp and calibration correlate everywhere: thousands of points never are so many samples
+)
 LEAST_NOISE = 50.0
 WIDE = 10.0  # times the limit: a facet is soon left behind
 ASIDE = 0.05  # of the step of a weak motion: how far the others are tried
 WEAK = 0.02  # eigenvalues above this need no second look
-_PURE = 0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
+_PURE = (
+    0.15  # of a motion in mm: less than this share of the other kind, and it is a rotation or a translation
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +68,12 @@ def observe(
     kept = weights > 0
     if kept.sum() < 6:
         return Observability(np.zeros(6), ())
-    points, normals, residual, w = points[kept], normals[kept], residual_mm[kept], weights[kept] / weights[kept].sum()
+    points, normals, residual, w = (
+        points[kept],
+        normals[kept],
+        residual_mm[kept],
+        weights[kept] / weights[kept].sum(),
+    )
     centre = np.einsum("k,kd->d", w, points)  # like every sum here not by BLAS, which splits it among threads
     arm = points - centre
     radius = max(float(np.sqrt((w * (arm**2).sum(axis=1)).sum())), 1e-300)
@@ -72,7 +81,9 @@ def observe(
     hessian = np.einsum("k,ki,kj->ij", w, J, J)
     eigenvalues, vectors = np.linalg.eigh(hessian)
     # nothing is known better than a fiftieth of what is asked for: not even a copy without noise
-    variance = max(float((w * residual**2).sum()), (limit_mm / LEAST_NOISE) ** 2) / effective_count(points, residual, w)
+    variance = max(float((w * residual**2).sum()), (limit_mm / LEAST_NOISE) ** 2) / effective_count(
+        points, residual, w
+    )
 
     def noticed(vector: FloatArray) -> float:
         """How fast the cost rises along a unit vector of the six, in units of its square."""
@@ -140,7 +151,9 @@ def patches(points: FloatArray, edge_mm: float) -> IndexArray:
     """
     edge_mm = max(edge_mm, 1e-5 * float(np.ptp(points, axis=0).max()), 1e-300)
     cell = np.floor((points - points.min(axis=0)) / edge_mm).astype(np.int64)
-    of_cell = np.ravel_multi_index(tuple(cell.T), tuple(cell.max(axis=0) + 1))  # sorts much faster than rows of three
+    of_cell = np.ravel_multi_index(
+        tuple(cell.T), tuple(cell.max(axis=0) + 1)
+    )  # sorts much faster than rows of three
     return np.asarray(np.unique(of_cell, return_inverse=True)[1], dtype=np.int64)
 
 
@@ -149,7 +162,9 @@ def _untangled(free: FloatArray) -> FloatArray:
     if free.shape[1] < 2:
         return free
     _, turning, mix = np.linalg.svd(free[:3])
-    order = np.argsort(np.concatenate([turning, np.zeros(max(0, free.shape[1] - 3))])[: free.shape[1]], kind="stable")
+    order = np.argsort(
+        np.concatenate([turning, np.zeros(max(0, free.shape[1] - 3))])[: free.shape[1]], kind="stable"
+    )
     return np.asarray(free @ mix.T[:, order], dtype=np.float64)
 
 

@@ -36,7 +36,11 @@ def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float
     edges = np.linalg.norm(mesh.vertices[ends[:, 1]] - mesh.vertices[ends[:, 0]], axis=1)
     reach_mm = max(reach_mm, MIN_REACH_EDGES * float(edges.mean()) if len(edges) else reach_mm)
     near = cKDTree(mesh.vertices).query_ball_point(mesh.vertices[vertices], reach_mm, return_sorted=True)
-    positions, values, sharpness = mesh.vertices[vertices].copy(), field[vertices].copy(), np.zeros(len(vertices))
+    positions, values, sharpness = (
+        mesh.vertices[vertices].copy(),
+        field[vertices].copy(),
+        np.zeros(len(vertices)),
+    )
     for k, (vertex, found) in enumerate(zip(vertices, near, strict=True)):
         members = np.array(found)[normals[found] @ normals[vertex] > _SAME_SIDE]
         if len(members) < _MIN_POINTS:
@@ -46,7 +50,9 @@ def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float
         x, y, z = away @ across / reach_mm, away @ along / reach_mm, away @ normals[vertex]
         weight = np.exp(-((x**2 + y**2) + (z / reach_mm) ** 2))
         basis = _quadric(x, y)
-        fitted = np.linalg.lstsq(basis * weight[:, None], np.column_stack([field[members], z]) * weight[:, None])[0]
+        fitted = np.linalg.lstsq(
+            basis * weight[:, None], np.column_stack([field[members], z]) * weight[:, None]
+        )[0]
         f, height = fitted.T
         hessian = np.array([[2 * f[3], f[4]], [f[4], 2 * f[5]]])
         bends = np.linalg.eigvalsh(hessian)

@@ -64,7 +64,9 @@ def from_oriented_pairs(
     return _between(p, q, n, m, i[good], j[good])
 
 
-def _between(p: FloatArray, q: FloatArray, n: FloatArray, m: FloatArray, i: IndexArray, j: IndexArray) -> FloatArray:
+def _between(
+    p: FloatArray, q: FloatArray, n: FloatArray, m: FloatArray, i: IndexArray, j: IndexArray
+) -> FloatArray:
     F_scan = pair_frames(p[i], p[j], n[i], n[j])
     F_design = pair_frames(q[i], q[j], m[i], m[j])
     R = np.einsum("kia,kja->kij", F_design, F_scan)
@@ -135,7 +137,9 @@ def nudged(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> Floa
             lever = max(float(np.sqrt((np.delete(arm, k, axis=1) ** 2).sum(axis=1).mean())), 1e-300)
             for side in (step_mm, -step_mm):
                 found.append(rigid.compose(np.eye(3), side * axes[:, k]))
-                turn = rigid.from_vector(np.concatenate([side / lever * axes[:, k], np.zeros(3)])[None])[0][:3, :3]
+                turn = rigid.from_vector(np.concatenate([side / lever * axes[:, k], np.zeros(3)])[None])[0][
+                    :3, :3
+                ]
                 found.append(rigid.compose(turn, mean - turn @ mean))
     return np.array(found) @ T
 

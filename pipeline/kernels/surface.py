@@ -75,7 +75,11 @@ class Surface:
         query = o3d.core.Tensor((points - self._centre).astype(np.float32))
         # Each answer is its own: threads change none of them.
         threads = 1 if len(points) < MANY_POINTS else len(os.sched_getaffinity(0))
-        face = self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"].numpy().astype(np.int64)
+        face = (
+            self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"]
+            .numpy()
+            .astype(np.int64)
+        )
         point, weights, distance = core.closest_on_faces(
             np.ascontiguousarray(points, dtype=np.float64), self.mesh.vertices, self.mesh.faces, face, threads
         )
@@ -124,7 +128,9 @@ class Surface:
             vertex = self.mesh.faces[found.face[at_vertex], found.weights[at_vertex].argmax(axis=1)]
             is_asked = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
             is_asked[vertex] = True
-            normal[at_vertex] = self._normals_at(np.flatnonzero(is_asked[self.mesh.faces].any(axis=1)))[vertex]
+            normal[at_vertex] = self._normals_at(np.flatnonzero(is_asked[self.mesh.faces].any(axis=1)))[
+                vertex
+            ]
         return normal
 
 

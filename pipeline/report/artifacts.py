@@ -45,7 +45,9 @@ def write_deviation(out: Path, shown: Light, measured: Deviations) -> list[str]:
     counted_mm = np.where(measured.counted, measured.signed_mm, np.nan)
     viewing.write_glb(out / "deviation.glb", shown, colours, deviation_mm=counted_mm)
     weights = aligned.weights() * measured.counted
-    deviation_histogram.write(out / "deviation_histogram.svg", measured.signed_mm, weights, measured.summary, scale)
+    deviation_histogram.write(
+        out / "deviation_histogram.svg", measured.signed_mm, weights, measured.summary, scale
+    )
     return list(OF_DEVIATION)
 
 
@@ -72,7 +74,9 @@ def write_registration_page(
     return Written((*more.files, *coloured.files), (*more.notes, *coloured.notes))
 
 
-def write_landmarks_page(out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings) -> Written:
+def write_landmarks_page(
+    out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings
+) -> Written:
     """The page of a landmarks job."""
     views = _segments("mesh", found, found.shown(), found.mesh, count=4)
     pictures = Pictures("Segments and landmarks", "segments of the", views, SEGMENTS_NOTE)
@@ -101,7 +105,9 @@ def _write_three_mf(out: Path, aligned: Mesh, measured: Deviations) -> Written:
     return Written(files=(ALIGNED_3MF,))
 
 
-def _placed(result: RegistrationResult, design: Design, shown: Light, measured: Deviations) -> Pictures | None:
+def _placed(
+    result: RegistrationResult, design: Design, shown: Light, measured: Deviations
+) -> Pictures | None:
     """The scan where it fits, or where it fits least badly: the one shows what to mend, the other what went wrong."""
     title, note = "Deviation of the scan from the design", ""
     rejected = result.transform is None
@@ -110,13 +116,17 @@ def _placed(result: RegistrationResult, design: Design, shown: Light, measured: 
             return None
         shown = shown.moved(np.array(result.alternatives[0].matrix))
         title = "Not a measurement: the best pose that was tried, and rejected"
-        note = "Where the scan lies on the design here, and where it does not, may tell why the two do not fit."
+        note = (
+            "Where the scan lies on the design here, and where it does not, may tell why the two do not fit."
+        )
     if measured.summary is None:
         return None
     scale = _scale(measured)
     colours = shown.values(scale.colours(measured.signed_mm, measured.counted))
     legend = report_page.legend(scale, measured.summary.sign, rejected=rejected)
-    return Pictures(title, "distances of the scan", views_of(shown.mesh, colours, design.analysis.mesh), note, legend)
+    return Pictures(
+        title, "distances of the scan", views_of(shown.mesh, colours, design.analysis.mesh), note, legend
+    )
 
 
 def _scale(measured: Deviations) -> ColourScale:

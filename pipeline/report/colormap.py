@@ -96,4 +96,6 @@ def _rgb_of_msh(msh: FloatArray) -> FloatArray:
     cubes = np.array([fy + a / 500, fy, fy - b / 200])
     xyz = _D65 * np.where(cubes**3 > 0.008856, cubes**3, (cubes - 16 / 116) / 7.787)
     linear = np.clip(np.linalg.solve(_XYZ_OF_RGB, xyz), 0.0, 1.0)
-    return np.clip(np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear), 0.0, 1.0)
+    return np.clip(
+        np.where(linear > 0.0031308, 1.055 * linear ** (1 / 2.4) - 0.055, 12.92 * linear), 0.0, 1.0
+    )

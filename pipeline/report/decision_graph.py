@@ -46,7 +46,9 @@ def write(path: Path, name: str, segmentation: Segmentation, settings: Segmentat
     with matplotlib.rc_context():
         matplotlib.rcdefaults()  # not what a matplotlibrc of this machine says
         matplotlib.rcParams["svg.hashsalt"] = "cusp"
-        draw(name, segmentation, settings).savefig(path, format="svg", dpi=RASTER_DPI, metadata={"Date": None})
+        draw(name, segmentation, settings).savefig(
+            path, format="svg", dpi=RASTER_DPI, metadata={"Date": None}
+        )
 
 
 def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) -> "Figure":
@@ -83,14 +85,19 @@ def _draw_vertices(axes: "Axes", segmentation: Segmentation, delta: FloatArray) 
     rest = np.ones(len(delta), dtype=np.bool_)
     rest[segmentation.centres] = False
     core, halo = rest & ~segmentation.halo, rest & segmentation.halo
-    for shown, grey, words in ((core, "0.5", "vertex"), (halo, "0.8", "vertex of the halo (border of a segment)")):
+    for shown, grey, words in (
+        (core, "0.5", "vertex"),
+        (halo, "0.8", "vertex of the halo (border of a segment)"),
+    ):
         if shown.any():
             at = (segmentation.rho[shown], delta[shown])
             axes.scatter(*at, s=5, color=grey, linewidths=0, label=words, rasterized=True)
 
 
 def _draw_cut_off(axes: "Axes", d_c_mm: float) -> None:
-    axes.axhline(d_c_mm, color="0.2", linewidth=1, linestyle="--", label=f"cut-off distance $d_c$ = {d_c_mm:.3g} mm")
+    axes.axhline(
+        d_c_mm, color="0.2", linewidth=1, linestyle="--", label=f"cut-off distance $d_c$ = {d_c_mm:.3g} mm"
+    )
 
 
 def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *, is_peak: bool) -> None:
@@ -136,7 +143,9 @@ def label_offsets(at_pt: FloatArray) -> FloatArray:
     places around it that hides no disc and no number placed before, or the one that hides least.
     """
     angles = np.arange(12) * np.pi / 6
-    rings = [LABEL_STEP_PT * (1 + ring) * np.stack([np.cos(angles), np.sin(angles)], axis=1) for ring in range(5)]
+    rings = [
+        LABEL_STEP_PT * (1 + ring) * np.stack([np.cos(angles), np.sin(angles)], axis=1) for ring in range(5)
+    ]
     places = np.concatenate(rings)
     room = np.array([0.5 * LABEL_PT + 1.0, 0.5 * LABEL_PT])  # half a number of two digits
     placed = np.zeros((0, 2))

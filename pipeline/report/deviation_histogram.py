@@ -15,7 +15,9 @@ SIZE_INCH = (7.2, 3.2)
 MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
 
 
-def write(path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale) -> None:
+def write(
+    path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale
+) -> None:
     """weights : (n,) area of each counted vertex, 0 for the others"""
     import matplotlib
     from matplotlib.figure import Figure
@@ -30,8 +32,19 @@ def write(path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Devia
         share, _ = np.histogram(inside, edges, weights=weights)
         middles = (edges[:-1] + edges[1:]) / 2
         colours = scale.colours(middles)
-        axes.bar(middles, 100 * share / weights.sum(), np.diff(edges), color=colours, edgecolor="0.35", linewidth=0.3)
-        for position, words in ((summary.p05_mm, "5 %"), (summary.p50_mm, "median"), (summary.p95_mm, "95 %")):
+        axes.bar(
+            middles,
+            100 * share / weights.sum(),
+            np.diff(edges),
+            color=colours,
+            edgecolor="0.35",
+            linewidth=0.3,
+        )
+        for position, words in (
+            (summary.p05_mm, "5 %"),
+            (summary.p50_mm, "median"),
+            (summary.p95_mm, "95 %"),
+        ):
             if abs(position) < scale.limit_mm:
                 axes.axvline(position, color="0.2", linewidth=0.8, linestyle=":")
                 axes.annotate(

@@ -74,9 +74,13 @@ def write_glb(
     vertices = mesh.vertices * M_PER_MM
     scene = trimesh.Scene()
     if mesh.is_cloud:
-        scene.add_geometry(trimesh.PointCloud(vertices, colors=painted), node_name="surface", geom_name="surface")
+        scene.add_geometry(
+            trimesh.PointCloud(vertices, colors=painted), node_name="surface", geom_name="surface"
+        )
     else:
-        shape = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=painted, vertex_attributes=extra, process=False)
+        shape = trimesh.Trimesh(
+            vertices, mesh.faces, vertex_colors=painted, vertex_attributes=extra, process=False
+        )
         scene.add_geometry(shape, node_name="surface", geom_name="surface")
     if marks_mm is not None and len(marks_mm):
         balls = _balls(marks_mm, BALL_SHARE * mesh.diagonal_mm)

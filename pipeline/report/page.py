@@ -132,7 +132,9 @@ def registration(result: RegistrationResult, views: Views, out: Path) -> str:
     sections += [views.parts]
     sections += _drawing(out, "Decision graph of the design", "design.decision_graph.svg")
     sections += _drawing(out, "Decision graph of the scan", "scan.decision_graph.svg")
-    counted = f"{len(result.landmarks.design)} landmarks on the design, {len(result.landmarks.scan)} on the scan"
+    counted = (
+        f"{len(result.landmarks.design)} landmarks on the design, {len(result.landmarks.scan)} on the scan"
+    )
     return _render(
         *("Registration of a scan to its design", sections, result.warnings),
         inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},

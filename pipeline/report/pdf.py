@@ -13,7 +13,9 @@ from typing import Any
 from pipeline.core.results import Note
 
 NAME = "report.pdf"
-IDENTIFIER = b"cusp report"  # of the kind of file; PDF readers see with it and a hash of the content what is new
+IDENTIFIER = (
+    b"cusp report"  # of the kind of file; PDF readers see with it and a hash of the content what is new
+)
 REMEDY = (
     "install libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core (names of Debian), "
     "or set report.pdf to false; report.html prints to A4 from any browser"
@@ -58,7 +60,9 @@ def _library() -> Any:
     except (ImportError, OSError) as error:
         raise TextLibraryMissing(str(error).partition("\n")[0]) from error
     if ffi.harfbuzz_subset is None:
-        raise TextLibraryMissing("libharfbuzz-subset is not installed")  # fonts would be cut with a time stamp in them
+        raise TextLibraryMissing(
+            "libharfbuzz-subset is not installed"
+        )  # fonts would be cut with a time stamp in them
     if not ffi.fontconfig.FcConfigGetFonts(ffi.ffi.NULL, ffi.fontconfig.FcSetSystem).nfont:
         raise TextLibraryMissing("no font is installed")
     return weasyprint

@@ -112,7 +112,9 @@ def _traced(
     light = AMBIENT + (1 - AMBIENT) * np.abs(
         normal[:, 0] * axes[2, 0] + normal[:, 1] * axes[2, 1] + normal[:, 2] * axes[2, 2]
     )
-    colour = np.empty((3, len(found)), dtype=np.float32)  # a channel at a time: numpy is slow along rows of three
+    colour = np.empty(
+        (3, len(found)), dtype=np.float32
+    )  # a channel at a time: numpy is slow along rows of three
     for channel, of_vertices in zip(colour, painted.T.copy(), strict=True):
         channel[:] = of_vertices[corners[:, 0]] * (1 - u - v)
         channel += of_vertices[corners[:, 1]] * u

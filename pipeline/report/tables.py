@@ -36,7 +36,9 @@ class Table:
 
 def both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
     """Statistics of the scan's vertices beside those of the design's."""
-    overlap = None if metrics.scan_overlap is None else f"{metrics.scan_overlap:.1%} within the inlier distance"
+    overlap = (
+        None if metrics.scan_overlap is None else f"{metrics.scan_overlap:.1%} within the inlier distance"
+    )
     rows: list[tuple[str, ...]] = [
         ("area", overlap or "-", "-" if design is None else f"{design.seen:.1%} shown by the scan"),
         *(
@@ -160,7 +162,14 @@ def landmarks(result: LandmarksResult) -> Table:
         "Landmarks",
         columns,
         [
-            (each.id, each.segment, f"{each.t2:.2f}", f"{each.strength:.2f}", point(each.position_mm), each.vertex)
+            (
+                each.id,
+                each.segment,
+                f"{each.t2:.2f}",
+                f"{each.strength:.2f}",
+                point(each.position_mm),
+                each.vertex,
+            )
             for each in marked
         ],
         frozenset(columns[2:]),
@@ -170,7 +179,9 @@ def landmarks(result: LandmarksResult) -> Table:
 
 
 def provenance(inputs: dict[str, Input], made_by: MadeBy) -> Table:
-    rows: list[Sequence[object]] = [(name, given.format, given.unit, given.sha256) for name, given in inputs.items()]
+    rows: list[Sequence[object]] = [
+        (name, given.format, given.unit, given.sha256) for name, given in inputs.items()
+    ]
     note = f"Cusp {made_by.version}, seed {made_by.seed}. All settings and libraries are in results.json."
     return Table("Provenance", ("mesh", "format", "unit", "SHA-256"), rows, frozenset(), note)
 

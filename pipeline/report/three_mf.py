@@ -57,7 +57,9 @@ def _model(mesh: Mesh, colours: FloatArray, name: str) -> Iterator[str]:
     yield '<m:colorgroup id="1">'
     yield "".join('<m:color color="#{:02X}{:02X}{:02X}"/>'.format(*each) for each in used.tolist())
     yield f'</m:colorgroup><object id="2" name="{name}" type="surface" pid="1" pindex="0"><mesh><vertices>'
-    yield from _rows('<vertex x="{!r}" y="{!r}" z="{!r}"/>', mesh.vertices)  # the shortest text of the very number
+    yield from _rows(
+        '<vertex x="{!r}" y="{!r}" z="{!r}"/>', mesh.vertices
+    )  # the shortest text of the very number
     yield "</vertices><triangles>"
     corners = np.column_stack([mesh.faces, colour_of_vertex.ravel()[mesh.faces]])
     yield from _rows('<triangle v1="{}" v2="{}" v3="{}" p1="{}" p2="{}" p3="{}"/>', corners)

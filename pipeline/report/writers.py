@@ -68,7 +68,9 @@ def write_vertices(
         )
 
 
-def write_landmarks(path: Path, landmarks: Mapping[str, Sequence[Landmark]], matches: Sequence[Match] = ()) -> None:
+def write_landmarks(
+    path: Path, landmarks: Mapping[str, Sequence[Landmark]], matches: Sequence[Match] = ()
+) -> None:
     """All landmarks by mesh, each in its own mesh's frame; `matched_to` is the id on the other mesh."""
     partners = {
         "design": {match.design: match.scan for match in matches},

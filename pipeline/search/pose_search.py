@@ -19,7 +19,9 @@ from pipeline.search import score_ratio as margin
 from pipeline.stages.matching import Matching
 
 MAX_RIVALS = 9
-RIVAL_COST = 3.0  # a hypothesis above this many times the lowest cost is not tried: well above every margin asked for
+RIVAL_COST = (
+    3.0  # a hypothesis above this many times the lowest cost is not tried: well above every margin asked for
+)
 TRIAL_POINTS = 2_000
 TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
 HOPELESS = 1.3  # times the residual limit after the trials: not this part
@@ -117,7 +119,9 @@ class Scan:
         some = slice(None, None, max(1, len(self.few.points) // VIEWED_POINTS))
         return Views.of(self.few.points[some], facing * self.few.normals[some])
 
-    def coverage(self, T_design_scan: FloatArray, facing: float, design: Surface, inlier_distance_mm: float) -> float:
+    def coverage(
+        self, T_design_scan: FloatArray, facing: float, design: Surface, inlier_distance_mm: float
+    ) -> float:
         """Share of the design within the inlier distance of the scan, and facing the same way: the scan of one side of a
         thin wall does not show the other.
         """
@@ -162,7 +166,9 @@ def search(
         return Pose(T, left.cost_mm2, left.rmse_mm, done.converged, done.iterations, facing=facing)
 
     def trial(seed: Seed) -> Pose:
-        return refined(seed.T_design_scan, seed.facing, scan.few, min(settings.max_iterations, TRIAL_ITERATIONS))
+        return refined(
+            seed.T_design_scan, seed.facing, scan.few, min(settings.max_iterations, TRIAL_ITERATIONS)
+        )
 
     def examined(pose: Pose) -> Pose:
         """On all points what it leaves, and what else speaks for it or against."""
@@ -170,7 +176,9 @@ def search(
         left = scan.every.left(T, design, inlier)
         hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
         coverage = scan.coverage(T, facing, design, inlier)
-        return replace(pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage)
+        return replace(
+            pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage
+        )
 
     seeds = _seeds(matching, scan.few, design, inlier)
     # sorted() is stable: of equally good ones the earlier hypothesis comes first
@@ -191,14 +199,17 @@ def search(
             close = [
                 other
                 for other in others
-                if other not in finished and margin.ratio(poses[other].score_mm2, best.score_mm2, diagonal) < needed
+                if other not in finished
+                and margin.ratio(poses[other].score_mm2, best.score_mm2, diagonal) < needed
             ]
             if not close or len(finished) > CLOSE_RIVALS:
                 break
             number = close[0]
         again = poses[number]
         finished.add(number)
-        poses[number] = examined(refined(again.T_design_scan, again.facing, scan.every, settings.max_iterations))
+        poses[number] = examined(
+            refined(again.T_design_scan, again.facing, scan.every, settings.max_iterations)
+        )
         poses = scored(poses, inlier)
     order = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
     # refined on all points, some may have come to be one
@@ -223,7 +234,9 @@ def _apart(poses: list[Pose], points: FloatArray, apart_mm: float) -> list[Pose]
     """Of poses that came to be one, the first."""
     kept: list[Pose] = []
     for pose in poses:
-        if all(rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each in kept):
+        if all(
+            rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each in kept
+        ):
             kept.append(pose)
     return kept
 
@@ -237,5 +250,7 @@ def _seeds(matching: Matching, points: ScanPoints, design: Surface, inlier_dista
         if by_landmarks <= 2 * points.left(first.T_design_scan, design, inlier_distance_mm).cost_mm2:
             seeds = [Seed(matching.T_landmarks, first.facing, "landmarks")]
     worst = RIVAL_COST * max(first.cost_mm2, 1e-12 * design.mesh.diagonal_mm**2)
-    seeds += [Seed(rival.T_design_scan, rival.facing, rival.source) for rival in others if rival.cost_mm2 <= worst]
+    seeds += [
+        Seed(rival.T_design_scan, rival.facing, rival.source) for rival in others if rival.cost_mm2 <= worst
+    ]
     return seeds[: 1 + MAX_RIVALS]

@@ -3,9 +3,7 @@
 from pipeline.core.settings import RegistrationSettings
 
 LOOSE = 0.4  # of the residual limit: depth-camera scans lie at 0.5 to 0.8, printed copies below 0.2
-LOOSE_MARGIN = (
-    2.0  # a rough fit says less: a sixth of an arch was `ok` in a wrong place, 0.85 % of the diagonal off, at 1.57
-)
+LOOSE_MARGIN = 2.0  # a rough fit says less: a sixth of an arch was `ok` in a wrong place, 0.85 % of the diagonal off, at 1.57
 
 
 NOTHING_SHARE = 1e-5  # of the diagonal: what two poses leave below this is rounding, and tells neither

@@ -63,7 +63,9 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
         faces, kept = remesh.repair_non_manifold_edges(Mesh(vertices, faces))
         vertices, old_of_new = vertices[kept], old_of_new[kept]
         report["non_manifold_faces"] = before - len(faces)
-    faces, report["small_components"] = _drop_small_components(Mesh(vertices, faces), settings.min_component_share)
+    faces, report["small_components"] = _drop_small_components(
+        Mesh(vertices, faces), settings.min_component_share
+    )
     vertices, faces, old_of_new, report["turned_faces"] = _oriented(vertices, faces, old_of_new, edges)
 
     used = np.zeros(len(vertices), dtype=np.bool_)
@@ -97,7 +99,9 @@ class _EdgesOf:
         return self._edges
 
 
-def _welded(vertices: FloatArray, faces: IntArray, edges: topology.Edges, tolerance_mm: float) -> tuple[IntArray, int]:
+def _welded(
+    vertices: FloatArray, faces: IntArray, edges: topology.Edges, tolerance_mm: float
+) -> tuple[IntArray, int]:
     """Close cracks: border vertices within `tolerance_mm` become one, the first of them.
 
     Exporters that round each triangle on its own leave corners that differ in the last bit; such a closed part

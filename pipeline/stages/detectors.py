@@ -96,7 +96,9 @@ def gp(scene: Scene) -> Candidates:
     """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
     members = np.flatnonzero(_with_area(scene.mesh))
     points, areas = scene.mesh.vertices[members], scene.mesh.vertex_areas_mm2()
-    weights = gp_landmarks.curvature_weights(areas[members], *(curvature[members] for curvature in _curvatures(scene)))
+    weights = gp_landmarks.curvature_weights(
+        areas[members], *(curvature[members] for curvature in _curvatures(scene))
+    )
     bandwidth = gp_landmarks.BANDWIDTH_EDGES * _mean_edge_mm(scene.mesh) * float(np.sqrt(areas.sum()))
     phi = gp_landmarks.heat_factor(points, bandwidth)
     found = gp_landmarks.most_uncertain(phi, weights, min(SPARE * scene.count, len(members)))

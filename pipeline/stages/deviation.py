@@ -51,7 +51,9 @@ def deviation(
         for number in np.unique(segment[counted])
         if weights[members := counted & (segment == number)].sum() > 0
     ]
-    summary = Deviation(sign=sign, by_segment=by_segment, **_distances(signed, weights, counted, tolerance_mm))
+    summary = Deviation(
+        sign=sign, by_segment=by_segment, **_distances(signed, weights, counted, tolerance_mm)
+    )
     return Deviations(signed, counted, summary)
 
 

@@ -68,7 +68,9 @@ def features(mesh: Mesh, radius_mm: float, settings: FeaturesSettings) -> Featur
     else:
         projected = np.linalg.norm(smooth[:, 6:9], axis=1)
         values = np.column_stack([1.0 / np.maximum(projected, 1e-6), averaged])
-    return Features(mesh, values, radius_mm, _border_distance(mesh, np.flatnonzero(on_border)), *averaged[:, :2].T)
+    return Features(
+        mesh, values, radius_mm, _border_distance(mesh, np.flatnonzero(on_border)), *averaged[:, :2].T
+    )
 
 
 def _border_distance(mesh: Mesh, border: np.ndarray) -> FloatArray:

@@ -56,4 +56,6 @@ def vertex_weights(mesh: Mesh, size_mm: float, settings: SegmentationSettings) -
         return np.ones(len(mesh.vertices))
     if settings.density == "area":
         return mesh.vertex_areas_mm2()
-    return crease.convexity_weights(mesh, settings.convexity_radius_share * size_mm, settings.convexity_sharpness)
+    return crease.convexity_weights(
+        mesh, settings.convexity_radius_share * size_mm, settings.convexity_sharpness
+    )

@@ -82,7 +82,9 @@ def landmarks(
     if settings.detector != "t2":
         count = settings.count or len(found.vertex)
         scene = Scene(mesh, surface, features, count, spacing_mm, seed)
-        found = _apart(_competitor(scene, settings), features, spacing_mm, settings.model_copy(update={"count": count}))
+        found = _apart(
+            _competitor(scene, settings), features, spacing_mm, settings.model_copy(update={"count": count})
+        )
 
     _, to_fine = nearest(fine.vertices, mesh.vertices)
     _, vertex = nearest(mesh.vertices, found.position_mm)
@@ -124,7 +126,11 @@ def t2_scores(
     for number in range(int(labels.max(initial=-1)) + 1):
         members = np.flatnonzero((labels == number) & usable)
         few = len(members) < settings.min_segment_vertices
-        if (few and settings.statistics == "segment") or len(members) == 0 or _is_flat(features, members, settings):
+        if (
+            (few and settings.statistics == "segment")
+            or len(members) == 0
+            or _is_flat(features, members, settings)
+        ):
             continue
         if settings.statistics == "part":
             size = 1.0 if few else float(np.average(part[members], weights=areas[members])) / COMPONENTS
@@ -132,7 +138,11 @@ def t2_scores(
         else:
             t2[members] = hotelling_t2(scaled(features.values[members], settings.standardize))
         limit[members] = t2_limit(max(len(members), settings.min_segment_vertices), settings.confidence)
-    field = part if settings.statistics == "part" else np.divide(t2, limit, out=np.zeros(n), where=np.isfinite(limit))
+    field = (
+        part
+        if settings.statistics == "part"
+        else np.divide(t2, limit, out=np.zeros(n), where=np.isfinite(limit))
+    )
     return Scores(t2, limit, field)
 
 
@@ -228,7 +238,9 @@ def _competitor(scene: Scene, settings: LandmarksSettings) -> Marks:
 def _apart(marks: Marks, features: Features, spacing_mm: float, settings: LandmarksSettings) -> Marks:
     """Those away from open borders and from stronger ones, at most `settings.count`."""
     _, at = nearest(features.mesh.vertices, marks.position_mm)
-    inside = np.flatnonzero(features.border_distance_mm[at] >= settings.border_distance_radii * features.radius_mm)
+    inside = np.flatnonzero(
+        features.border_distance_mm[at] >= settings.border_distance_radii * features.radius_mm
+    )
     kept = inside[strongest_apart(marks.position_mm[inside], spacing_mm)][: settings.count]
     return Marks(marks.mesh, marks.vertex[kept], marks.position_mm[kept], marks.strength[kept])
 

@@ -195,7 +195,9 @@ def _parse_xyz(data: bytes) -> FloatArray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "input contained no data": said below in our words
-            points = np.loadtxt(io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2)
+            points = np.loadtxt(
+                io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2
+            )
     except ValueError as error:
         raise UnreadableFile(
             "a line of the XYZ file is not three numbers",
@@ -208,7 +210,9 @@ def _parse_xyz(data: bytes) -> FloatArray:
 
 def _is_ascii_stl(data: bytes) -> bool:
     announced = int.from_bytes(data[80:84], "little") if len(data) >= STL_HEADER_BYTES else -1
-    return len(data) != STL_HEADER_BYTES + STL_FACE_BYTES * announced and data.lstrip()[:5].lower() == b"solid"
+    return (
+        len(data) != STL_HEADER_BYTES + STL_FACE_BYTES * announced and data.lstrip()[:5].lower() == b"solid"
+    )
 
 
 def _check_stl(data: bytes, n_vertices: int, n_faces: int) -> None:
@@ -223,7 +227,9 @@ def _check_ply(data: bytes, n_vertices: int, n_faces: int) -> None:
     for element, found in ((rb"vertex", n_vertices), (rb"face", n_faces)):
         announced = re.search(rb"element\s+" + element + rb"\s+(\d+)", header)
         if announced and found < int(announced[1]):
-            raise TruncatedFile(f"the PLY announces {int(announced[1])} {element.decode()} rows and has {found}")
+            raise TruncatedFile(
+                f"the PLY announces {int(announced[1])} {element.decode()} rows and has {found}"
+            )
 
 
 def _check_off(data: bytes, n_vertices: int, n_faces: int) -> None:

@@ -50,7 +50,9 @@ class Side:
         """
         across = np.array([-1.0, 1.0, 1.0])
         described = self.described(length_mm, settings)
-        mirrored = np.concatenate([described[:, :11], described[:, 11:22][:, ::-1], described[:, 22:]], axis=1)
+        mirrored = np.concatenate(
+            [described[:, :11], described[:, 11:22][:, ::-1], described[:, 22:]], axis=1
+        )
         found = self.landmarks
         landmarks = replace(found, position_mm=found.position_mm * across, normal=found.normal * across)
         return Side(Mesh(self.mesh.vertices * across, self.mesh.faces[:, ::-1]), landmarks, mirrored)
@@ -166,7 +168,9 @@ def match(
     grid = NearestGrid(samples.points, samples.normals, COARSE_SHARE * diagonal)
 
     def judged(pool: Pool, points: slice) -> FloatArray:
-        return grid.costs(pool.T, pool.facing, probes.points[points], probes.normals[points], COARSE_SHARE * diagonal)
+        return grid.costs(
+            pool.T, pool.facing, probes.points[points], probes.normals[points], COARSE_SHARE * diagonal
+        )
 
     pool = pool.take(np.sort(np.argsort(judged(pool, fewer), kind="stable")[: 2 * MAX_RANKED]))
     pool = best_distinct(pool, judged(pool, few), settings.max_hypotheses)
@@ -179,7 +183,9 @@ def match(
     around = next_to_best(pool)
     pool = pool.and_then(around).and_then(further(pool, around))
     hypotheses = tuple(
-        Hypothesis(rigid.orthonormal(pool.T[k]), float(pool.facing[k]), float(pool.cost[k]), _SOURCES[pool.source[k]])
+        Hypothesis(
+            rigid.orthonormal(pool.T[k]), float(pool.facing[k]), float(pool.cost[k]), _SOURCES[pool.source[k]]
+        )
         for k in range(len(pool.T))
     )
     return with_matches(design, scan, hypotheses, hypotheses[0].T_design_scan, length_mm)
@@ -215,7 +221,9 @@ def _candidates(
     scan_normals, design_normals = scan.mesh.vertex_normals(), design.mesh.vertex_normals()
     pools: list[tuple[FloatArray, float, int]] = []
 
-    def from_pairs(scan_vertex: IndexArray, design_vertex: IndexArray, candidates: int, facing: float) -> FloatArray:
+    def from_pairs(
+        scan_vertex: IndexArray, design_vertex: IndexArray, candidates: int, facing: float
+    ) -> FloatArray:
         described = scan_fpfh if facing > 0 else turned_over(scan_fpfh)
         i, j = _nearest_descriptors(described[scan_vertex], design_fpfh[design_vertex], candidates)
         i, j = scan_vertex[i], design_vertex[j]
@@ -263,7 +271,9 @@ def fpfh(mesh: Mesh, radius_mm: float) -> FloatArray:
     """(n, 33) fast point feature histograms (Rusu et al. 2009) at every vertex, over `radius_mm`."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(mesh.vertices)))
     cloud.normals = o3d.utility.Vector3dVector(mesh.vertex_normals())
-    feature = o3d.pipelines.registration.compute_fpfh_feature(cloud, o3d.geometry.KDTreeSearchParamRadius(radius_mm))
+    feature = o3d.pipelines.registration.compute_fpfh_feature(
+        cloud, o3d.geometry.KDTreeSearchParamRadius(radius_mm)
+    )
     return np.ascontiguousarray(np.asarray(feature.data, dtype=np.float64).T)
 
 

@@ -105,7 +105,9 @@ def register(
     )
 
 
-def fit(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float) -> Fit:
+def fit(
+    scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float
+) -> Fit:
     """Every vertex of the cleaned scan against the exact design surface; weights : `scan.weights()`"""
     moved = rigid.transformed(T_design_scan, scan.vertices)
     closest = design.closest(moved)

@@ -61,11 +61,15 @@ def resample(
     area = float(surface.face_areas_mm2().sum())
     # A scan far smaller than its design (in another unit, a splinter) keeps enough vertices to be looked at.
     longer = min(1.0, working_edge_mm(area, MIN_VERTICES) / edge_mm)
-    longer = max(longer, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm)
+    longer = max(
+        longer, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm
+    )
     fine = light = None
     finest_mm = longer * (edge_mm if fine_edge_mm is None else min(edge_mm, fine_edge_mm))
     if len(surface.faces) > remesh.MANY_FACES >= DECIMATE_ABOVE * _faces(area, finest_mm):
-        surface = light = remesh.decimated(surface, remesh.MANY_FACES // 2)  # the slow step: pictures share it
+        surface = light = remesh.decimated(
+            surface, remesh.MANY_FACES // 2
+        )  # the slow step: pictures share it
     if fine_edge_mm is not None:
         fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings)
         if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
@@ -105,7 +109,9 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
     ------
     ResampleFailed
     """
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points))).voxel_down_sample(edge_mm / 2)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points))).voxel_down_sample(
+        edge_mm / 2
+    )
     spacing = float(np.median(np.asarray(cloud.compute_nearest_neighbor_distance())))
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=20))
     cloud.orient_normals_consistent_tangent_plane(15)

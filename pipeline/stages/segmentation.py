@@ -31,7 +31,9 @@ class Segmentation:
     d_c_mm: float
 
 
-def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationSettings, seed: int = 0) -> Segmentation:
+def segment(
+    mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationSettings, seed: int = 0
+) -> Segmentation:
     """Rodriguez & Laio 2014 on `mesh`; another `settings.method` then relabels by position, see `clustered`.
 
     Delta and a forced centre a component; a component below `min_component_share` of the area has no centre, its
@@ -61,7 +63,9 @@ def segment(mesh: Mesh, name: str, geodesics: Geodesics, settings: SegmentationS
             mesh=name,
         )
     eligible = large[solver.components]
-    graph = DecisionGraph(np.where(eligible, rho, 0.0), np.where(eligible, delta, 0.0), peaks[eligible[peaks]])
+    graph = DecisionGraph(
+        np.where(eligible, rho, 0.0), np.where(eligible, delta, 0.0), peaks[eligible[peaks]]
+    )
     centres, labels = _centres(mesh, graph, uphill, d_c, settings)
     halo = density_peaks.halo(
         rho, labels, len(centres), lambda vertices: np.isfinite(solver.nearest_other(vertices, labels, d_c))

@@ -101,7 +101,9 @@ def _marked(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, Floa
     found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
-    section = settings.landmarks.model_copy(update={"count": settings.study.count or settings.landmarks.count})
+    section = settings.landmarks.model_copy(
+        update={"count": settings.study.count or settings.landmarks.count}
+    )
     return {
         detector: landmarks(
             *(working, found.distances.surface, found.segmentation, measured),

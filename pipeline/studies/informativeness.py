@@ -149,7 +149,9 @@ class _Progress:
         return lambda share: self._on_share((self._done + share * work) / self._total)
 
 
-def _draw(trials: int, noise_mm: float, rotation_deg: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _draw(
+    trials: int, noise_mm: float, rotation_deg: float, seed: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """translation_mm (t, 3), axis (t, 3) uniform on the sphere, angle_deg (t,): six numbers of one stream a trial."""
     u = np.random.default_rng(seed).random((trials, 6))
     height, around = 2 * u[:, 4] - 1, 2 * np.pi * u[:, 5]
@@ -205,7 +207,9 @@ def write_trials(path: Path, study: Informativeness) -> None:
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
-        for first in range(0, len(study.angle_deg), 10_000):  # a million trials as Python numbers are gigabytes
+        for first in range(
+            0, len(study.angle_deg), 10_000
+        ):  # a million trials as Python numbers are gigabytes
             part = np.stack([column[first : first + 10_000] for column in columns], axis=1).tolist()
             writer.writerows((first + number, *values) for number, values in enumerate(part))
 
@@ -228,9 +232,7 @@ def in_words(asked: InformativenessProtocol, found: Sequence[InformativenessRow]
         told += _told("With ICP to convergence", converged, asked.trials)
     raw = f"Counted as the paper does, K > 1 whatever the size of both errors, the share is {_listed(library, _raw)}"
     if any(row.share_tie > 0 for row in library):
-        raw += (
-            ": in ties that compares rounding errors, which grow with the number of points summed, whatever the points"
-        )
+        raw += ": in ties that compares rounding errors, which grow with the number of points summed, whatever the points"
     return " ".join([opening, *told, f"{raw}."])
 
 

@@ -42,7 +42,9 @@ def write_informativeness(path: Path, study: Informativeness) -> None:
     _write(path, lambda: draw_informativeness(study))
 
 
-def write_repeatability(path: Path, protocol: RepeatabilityProtocol, rows: Sequence[RepeatabilityRow]) -> None:
+def write_repeatability(
+    path: Path, protocol: RepeatabilityProtocol, rows: Sequence[RepeatabilityRow]
+) -> None:
     _write(path, lambda: draw_repeatability(protocol, rows))
 
 
@@ -96,7 +98,9 @@ def _draw_curves(axes: "Axes", study: Informativeness, rule: int) -> None:
         )
     untied = max(1 - float(study.ties(detector)[:, rule].mean()) for detector in study.landmarks)
     if untied == 0:
-        axes.text(0, 0.5, "every trial is a tie", ha="center", va="center", backgroundcolor="white", color="0.3")
+        axes.text(
+            0, 0.5, "every trial is a tie", ha="center", va="center", backgroundcolor="white", color="0.3"
+        )
     axes.axvline(0.0, color="0.3", linewidth=0.8, zorder=1)
     axes.set_xlim(-_ENDS - 0.2, _ENDS + 0.2)
     ticks = list(range(-_ENDS, _ENDS + 1, 2))
@@ -122,7 +126,9 @@ def _draw_shares(axes: "Axes", study: Informativeness, rule: int) -> None:
             axes.barh(row, share, left=left, height=0.7, color=colour, label=words if row == 0 else None)
             if share > 0.08:  # or the number is wider than its bar
                 ink = "black" if colour == _TIE else "white"
-                axes.text(left + share / 2, row, f"{share:.0%}", ha="center", va="center", fontsize=8, color=ink)
+                axes.text(
+                    left + share / 2, row, f"{share:.0%}", ha="center", va="center", fontsize=8, color=ink
+                )
             left += share
     _name_bars(axes, list(study.landmarks))
     axes.set_xlim(0, 1)

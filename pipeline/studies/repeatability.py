@@ -105,7 +105,10 @@ def repeatability(
     done: list[Trial] = []
     for c, condition in enumerate(todo):
         for trial in range(trials):
-            on_share((c * trials + trial) / (len(todo) * trials), f"{condition.name}, trial {trial + 1} of {trials}")
+            on_share(
+                (c * trials + trial) / (len(todo) * trials),
+                f"{condition.name}, trial {trial + 1} of {trials}",
+            )
             rng = np.random.default_rng([seed, c, trial])
             scan, seen, T_scan_design = scanned(mesh, condition, rng)
             again = _looked(scan, detectors, count, spacing_mm, scales, settings, int(rng.integers(2**32)))
@@ -195,7 +198,9 @@ def scanned(
     direction = rng.normal(size=3)
     along = copy.vertices @ direction
     least = float(np.quantile(along, condition.crop)) if condition.crop > 0 else -np.inf
-    scan = clean(Mesh(noisy, copy.faces[(along >= least)[copy.faces].all(axis=1)]), "scan", CleanSettings()).mesh
+    scan = clean(
+        Mesh(noisy, copy.faces[(along >= least)[copy.faces].all(axis=1)]), "scan", CleanSettings()
+    ).mesh
 
     def seen(points: FloatArray) -> BoolArray:
         return np.asarray(rigid.transformed(T_scan_design, points) @ direction >= least)
@@ -222,7 +227,9 @@ def _looked(
     found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
-    section = settings.landmarks.model_copy(update={"count": count, "spacing_radii": spacing_mm / scales.radius_mm})
+    section = settings.landmarks.model_copy(
+        update={"count": count, "spacing_radii": spacing_mm / scales.radius_mm}
+    )
     marked = {
         detector: landmarks(
             *(working, found.distances.surface, found.segmentation, measured),
@@ -247,7 +254,9 @@ def _compared(
 ) -> tuple[float, float, float]:
     """repeatability, points, visible : see `Trial`."""
     first, second = whole.marked[detector].position_mm, again.marked[detector].position_mm
-    visible_area = float(np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2()))
+    visible_area = float(
+        np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2())
+    )
     shown = first[seen(first)]
     # points never given count as seen in the share of the surface that is
     visible = len(shown) + (count - len(first)) * visible_area

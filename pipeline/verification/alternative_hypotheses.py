@@ -71,7 +71,10 @@ class Doubts:
 
 def fits(registration: Registration, diagonal_mm: float, settings: RegistrationSettings) -> bool:
     """Enough of the scan lies on the design, near enough."""
-    enough = registration.fit.fitness >= settings.min_fitness and registration.design_coverage >= settings.min_coverage
+    enough = (
+        registration.fit.fitness >= settings.min_fitness
+        and registration.design_coverage >= settings.min_coverage
+    )
     return enough and registration.fit.truncated_rms_mm <= settings.max_residual_share * diagonal_mm
 
 
@@ -87,7 +90,9 @@ def registered(scan: Analysis, side: Side, matching: Matching, design: Design, a
         return with_matches(design.side, side, matching.hypotheses, T_design_scan, length_mm)
 
     settings, certain_mm = asked.settings.registration, asked.certain_mm(design)
-    registration = register(scan.mesh, design.surface, matching, matched_under, settings, asked.seed, certain_mm)
+    registration = register(
+        scan.mesh, design.surface, matching, matched_under, settings, asked.seed, certain_mm
+    )
     return Found(scan, side, registration)
 
 
@@ -160,7 +165,9 @@ def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found
 
     def placed(T: FloatArray) -> Pose:
         left = every.left(T, design.surface, inlier)
-        return replace(best, T_design_scan=T, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, score_mm2=left.cost_mm2)
+        return replace(
+            best, T_design_scan=T, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, score_mm2=left.cost_mm2
+        )
 
     if placed(closest).cost_mm2 < MARK_TELLS * best.cost_mm2 - (MARK_SHARE * diagonal) ** 2:
         found = _begun_at(closest, found, design, asked)
@@ -169,7 +176,9 @@ def _with_self_images(found: Found, design: Design, asked: Asked) -> tuple[Found
     back = rigid.inverse(best.T_design_scan)
     relative = [rival.T_design_scan @ back for rival in rivals]
     missing = [image for image in images.others if not any(images.same(image, T) for T in relative)]
-    added = tuple(pose for image in missing if _is_as_right(pose := placed(image @ best.T_design_scan), best, design))
+    added = tuple(
+        pose for image in missing if _is_as_right(pose := placed(image @ best.T_design_scan), best, design)
+    )
     registration = replace(found.registration, rivals=(*rivals, *added))
     return replace(found, registration=registration), (*symmetric, *(True for _ in added))
 
@@ -200,5 +209,11 @@ def _begun_at(T_design_scan: FloatArray, found: Found, design: Design, asked: As
 def _match(design: Design, scan: Side, asked: Asked) -> Matching:
     length_mm = design.scales.matching_mm(asked.settings)
     return match(
-        design.side, scan, length_mm, asked.settings.matching, asked.seed, design.images.others, design.images.near
+        design.side,
+        scan,
+        length_mm,
+        asked.settings.matching,
+        asked.seed,
+        design.images.others,
+        design.images.near,
     )

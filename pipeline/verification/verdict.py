@@ -193,9 +193,7 @@ def _rivals(case: Case) -> list[Finding]:
     findings = []
     equal = sum(case.doubts.symmetric)
     if equal:
-        detail = (
-            f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
-        )
+        detail = f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
         findings.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
     others = _others(case)
     if others and others[0] < RIVAL_NOTE:
@@ -223,8 +221,13 @@ def _weakness(case: Case) -> list[Finding]:
 
 def _others(case: Case) -> list[float]:
     """How many times the best the poses score that are no symmetry of the design, lowest first."""
-    rivals, best = zip(case.registration.rivals, case.doubts.symmetric, strict=True), case.registration.best.score_mm2
-    return sorted(margin.ratio(rival.score_mm2, best, case.diagonal_mm) for rival, symmetric in rivals if not symmetric)
+    rivals, best = (
+        zip(case.registration.rivals, case.doubts.symmetric, strict=True),
+        case.registration.best.score_mm2,
+    )
+    return sorted(
+        margin.ratio(rival.score_mm2, best, case.diagonal_mm) for rival, symmetric in rivals if not symmetric
+    )
 
 
 def _has_rival(case: Case, settings: RegistrationSettings) -> bool:

@@ -80,11 +80,15 @@ def run_registration(
         found, doubted = doubts.examined(found, known, asked)
         scan, registration = found.scan, found.registration
         marked = len(scan.landmarks.vertex)
-        case = Case(registration, registration.matching, doubted, marked, known.diagonal_mm, asked.certain_mm(known))
+        case = Case(
+            registration, registration.matching, doubted, marked, known.diagonal_mm, asked.certain_mm(known)
+        )
         verdict = judge(case, settings.registration)
     posed = verdict.status in POSED
     with watch.stage(Stage.DEVIATION):
-        segment_of_face = design.segmentation.labels[design.resampled.working_of_clean[design.mesh.faces[:, 0]]]
+        segment_of_face = design.segmentation.labels[
+            design.resampled.working_of_clean[design.mesh.faces[:, 0]]
+        ]
         measured = deviation(
             scan.mesh, known.surface, registration.fit, segment_of_face, tolerance_mm, settings.deviation
         )
@@ -117,7 +121,9 @@ def run_registration(
             if settings.report.write_files:
                 files += known.write(out) + write_analysis(out, "scan", scan, settings)
                 report.write_landmarks(
-                    out / "landmarks.csv", {"design": landmarks.design, "scan": landmarks.scan}, landmarks.matches
+                    out / "landmarks.csv",
+                    {"design": landmarks.design, "scan": landmarks.scan},
+                    landmarks.matches,
                 )
                 files += ["landmarks.csv", job_files.PAGE]
                 if posed:
@@ -127,7 +133,9 @@ def run_registration(
 
     result = RegistrationResult(
         verdict=verdict,
-        transform=records.transform(T_design_scan, known.kept.input.mm_per_unit, loaded_scan, doubted.unit_factor)
+        transform=records.transform(
+            T_design_scan, known.kept.input.mm_per_unit, loaded_scan, doubted.unit_factor
+        )
         if posed
         else None,
         alternatives=records.alternatives(registration, doubted.symmetric, rejected=not posed),
@@ -160,7 +168,9 @@ def run_registration(
         result,
         out,
         watch,
-        lambda out, done: job_files.write_registration_page(out, done, known, scan, shown, measured, settings.report),
+        lambda out, done: job_files.write_registration_page(
+            out, done, known, scan, shown, measured, settings.report
+        ),
     )
     if design_cache is not None and is_new:
         known.keep(design_cache)
@@ -190,7 +200,9 @@ def run_segments(
                 colours = palette.of_vertices(segmentation.labels, segmentation.halo)[working_of_clean]
                 report.write_mesh(out / "mesh.segments.ply", mesh, colours)
                 report.write_vertices(out / "mesh.vertices.csv", mesh, working_of_clean, segmentation)
-                decision_graph.write(out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation)
+                decision_graph.write(
+                    out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation
+                )
                 files += ["mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"]
             files.append("results.json")
 
@@ -237,10 +249,17 @@ def run_landmarks(
         provenance=records.one_provenance(records.input_record(loaded, cleaned), settings, seed),
         timings_s=watch.timings_s(),
         files=sorted(files),
-        warnings=[*found.warnings, *records.landmark_warnings(mesh=marked), *records.input_warnings(mesh=cleaned)],
+        warnings=[
+            *found.warnings,
+            *records.landmark_warnings(mesh=marked),
+            *records.input_warnings(mesh=cleaned),
+        ],
     )
     return _written(
-        result, out, watch, lambda out, done: job_files.write_landmarks_page(out, done, found, settings.report)
+        result,
+        out,
+        watch,
+        lambda out, done: job_files.write_landmarks_page(out, done, found, settings.report),
     )
 
 
@@ -256,7 +275,9 @@ def run_study(
     watch = Watch(on_progress, shares.STUDY)
     loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
     with watch.stage(Stage.STUDY):
-        found = study(cleaned.mesh, settings, seed, lambda share, what: watch.within(Stage.STUDY, share, what))
+        found = study(
+            cleaned.mesh, settings, seed, lambda share, what: watch.within(Stage.STUDY, share, what)
+        )
 
     files: list[str] = []
     if out is not None:
@@ -277,10 +298,14 @@ def run_study(
         files=sorted(files),
         warnings=[*found.warnings, *records.input_warnings(mesh=cleaned)],
     )
-    return _written(result, out, watch, lambda out, done: job_files.write_study_page(out, done, settings.report))
+    return _written(
+        result, out, watch, lambda out, done: job_files.write_study_page(out, done, settings.report)
+    )
 
 
-def _written(result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], job_files.Written] | None) -> R:
+def _written(
+    result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], job_files.Written] | None
+) -> R:
     """The report, then results.json, with the report's own time in it, its further files and why one is not among them."""
     if out is None:
         return result

@@ -55,9 +55,14 @@ def transform(
     )
 
 
-def alternatives(registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool) -> list[Alternative]:
+def alternatives(
+    registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool
+) -> list[Alternative]:
     """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was rejected."""
-    poses = [*([(registration.best, False)] if rejected else []), *zip(registration.rivals, symmetric, strict=True)]
+    poses = [
+        *([(registration.best, False)] if rejected else []),
+        *zip(registration.rivals, symmetric, strict=True),
+    ]
     best = registration.best.score_mm2
     return [
         Alternative(
@@ -90,7 +95,9 @@ def metrics(registration: Registration, *, found: bool) -> Metrics:
     )
 
 
-def matches(matching: Matching, design: LandmarkSet, scan: LandmarkSet, T_design_scan: FloatArray) -> list[Match]:
+def matches(
+    matching: Matching, design: LandmarkSet, scan: LandmarkSet, T_design_scan: FloatArray
+) -> list[Match]:
     placed = rigid.transformed(T_design_scan, scan.position_mm[matching.scan])
     residual_mm = np.linalg.norm(placed - design.position_mm[matching.design], axis=1)
     return [
@@ -145,7 +152,9 @@ def input_warnings(**inputs: Cleaned) -> list[Note]:
             detail = f"{name}: {cleaned.report['turned_faces']} triangles faced the wrong way and were turned"
             notes.append(Note(code="turned_faces", detail=detail))
         if cleaned.mesh.is_cloud:
-            detail = f"{name}: points without triangles; a surface was laid through them for the analysis only"
+            detail = (
+                f"{name}: points without triangles; a surface was laid through them for the analysis only"
+            )
             notes.append(Note(code="point_cloud", detail=detail))
     return notes
 
@@ -153,7 +162,9 @@ def input_warnings(**inputs: Cleaned) -> list[Note]:
 def landmark_warnings(**marked: list[Landmark]) -> list[Note]:
     """Meshes on which nothing stands out."""
     detail = "no landmarks: the surface has no relief at the scale of the features (features.radius_mm)"
-    return [Note(code="no_landmarks", detail=f"{name}: {detail}") for name, found in marked.items() if not found]
+    return [
+        Note(code="no_landmarks", detail=f"{name}: {detail}") for name, found in marked.items() if not found
+    ]
 
 
 def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:

@@ -78,7 +78,9 @@ SERVICE_ERRORS: list[ServiceError] = [
 
 MESH_ERRORS: list[PipelineError] = [
     mesh.EmptyFile("the file is empty", mesh="scan"),
-    mesh.UnknownFormat("the content is no mesh format that is known here (file name ends in '.step')", mesh="design"),
+    mesh.UnknownFormat(
+        "the content is no mesh format that is known here (file name ends in '.step')", mesh="design"
+    ),
     mesh.TruncatedFile(
         "the STL header announces 4294967295 triangles, which is 214748364834 bytes; the file has 684",
         mesh="scan",
@@ -87,7 +89,8 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.MeshTooLarge("7340032 triangles, 5000000 are allowed", mesh="scan"),
     mesh.NotFinite("3 of 5120 vertices are not finite", mesh="scan"),
     mesh.CoordinateOutOfRange(
-        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm", mesh="scan"
+        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm",
+        mesh="scan",
     ),
     mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
     mesh.NoSurface("the file has points but no triangles", mesh="design"),
@@ -105,7 +108,10 @@ def examples() -> dict[str, Any]:
     raised: list[PipelineError | ServiceError] = [*SERVICE_ERRORS, *MESH_ERRORS]
     told = {f"problem.{error.code}.json": problem_example(error) for error in raised}
     documents = {
-        **{f"job_request.{each.type}.json": each.model_dump(mode="json", exclude_unset=True) for each in _requests()},
+        **{
+            f"job_request.{each.type}.json": each.model_dump(mode="json", exclude_unset=True)
+            for each in _requests()
+        },
         "options.json": _registration().options.model_dump(mode="json"),
         "blob.json": Blob(id=BLOB_ID, size=684, format="stl").model_dump(mode="json"),
         **{f"job.{status.value}.json": _job(status).model_dump(mode="json") for status in Status},

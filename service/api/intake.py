@@ -71,7 +71,9 @@ class Wanted:
 
     def sha256(self) -> str:
         """Of the meshes' content, what decides their format, and the options."""
-        meshes = {name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()}
+        meshes = {
+            name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()
+        }
         made_of = [self.job_type, meshes, self.options.model_dump(mode="json")]
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
@@ -126,7 +128,9 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Wan
 def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Wanted:
     given = read_json(body, "the body")
     if not isinstance(given, dict):
-        raise InvalidRequest("the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")])
+        raise InvalidRequest(
+            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")]
+        )
     job_type = parse_type(given.get("type", "registration"))
     check_meshes(job_type, given)
     options = parse_options(given.pop("options", {}))

@@ -21,7 +21,9 @@ POST one mesh for its segments and landmarks (`type` `landmarks`), or for a stud
 Every error is an RFC 9457 problem with a stable `code`."""
 
 #: `Schema.field` -> a value out of the example documents (`python -m tests.support.field_examples`).
-FIELD_EXAMPLES: dict[str, Any] = json.loads(resources.files("service.api").joinpath("field_examples.json").read_text())
+FIELD_EXAMPLES: dict[str, Any] = json.loads(
+    resources.files("service.api").joinpath("field_examples.json").read_text()
+)
 
 
 WITHOUT_DATABASE = ("/livez", "/version")
@@ -66,7 +68,9 @@ def _document(app: FastAPI) -> dict[str, Any]:
         own = model.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas |= own.pop("$defs", {})
         schemas[model.__name__] = own
-    for path, operation in ((path, each) for path, ways in document["paths"].items() for each in ways.values()):
+    for path, operation in (
+        (path, each) for path, ways in document["paths"].items() for each in ways.values()
+    ):
         answers = operation["responses"]
         if path not in WITHOUT_DATABASE:
             answers.setdefault("503", problems(503)[503])  # it may be away for a while, whatever is asked
@@ -77,7 +81,9 @@ def _document(app: FastAPI) -> dict[str, Any]:
                 answer["content"][PROBLEM_TYPE]["examples"] = _problem_examples(int(status))
     request = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]["application/json"]
     request["examples"] = {
-        name.split(".")[1]: {"value": each} for name, each in examples().items() if name.startswith("job_request.")
+        name.split(".")[1]: {"value": each}
+        for name, each in examples().items()
+        if name.startswith("job_request.")
     }
     for name, schema in schemas.items():
         for field, described in schema.get("properties", {}).items():
@@ -91,5 +97,7 @@ def _document(app: FastAPI) -> dict[str, Any]:
 
 def _problem_examples(status: int) -> dict[str, Any]:
     """Every problem with this status, by its code."""
-    told = [each for name, each in examples().items() if name.startswith("problem.") and each["status"] == status]
+    told = [
+        each for name, each in examples().items() if name.startswith("problem.") and each["status"] == status
+    ]
     return {each["code"]: {"value": each} for each in told}

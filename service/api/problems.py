@@ -33,7 +33,10 @@ log = structlog.get_logger()
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """For the OpenAPI document: these statuses answer a problem."""
     schema = {"$ref": "#/components/schemas/Problem"}
-    return {status: {"description": "A problem.", "content": {MEDIA_TYPE: {"schema": schema}}} for status in statuses}
+    return {
+        status: {"description": "A problem.", "content": {MEDIA_TYPE: {"schema": schema}}}
+        for status in statuses
+    }
 
 
 def problem_response(problem: Problem | dict[str, Any], headers: Mapping[str, str] | None = None) -> Response:
@@ -91,8 +94,13 @@ def _on_own_error(_: Request, error: Exception) -> Response:
 
 def _on_invalid_request(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 (tells the type checker)
-    items = [ProblemItem(pointer="/" + "/".join(map(str, each["loc"])), detail=each["msg"]) for each in error.errors()]
-    detail = "; ".join(f"{item.pointer.removeprefix('/').replace('/', ' ')}: {item.detail}" for item in items[:3])
+    items = [
+        ProblemItem(pointer="/" + "/".join(map(str, each["loc"])), detail=each["msg"])
+        for each in error.errors()
+    ]
+    detail = "; ".join(
+        f"{item.pointer.removeprefix('/').replace('/', ' ')}: {item.detail}" for item in items[:3]
+    )
     return problem_response(problem_of(InvalidRequest(detail, errors=items)))
 
 

@@ -7,7 +7,11 @@ from service.contract.schemas import JobType, LandmarksRequest, Options, Registr
 
 REQUESTS = (RegistrationRequest, LandmarksRequest, StudyRequest)
 EXTRA_SCHEMAS = (*REQUESTS, Options)  # named by JOB_BODY only
-ABOUT = {"design": "the design mesh", "scan": "the scan mesh, or points", "mesh": "the mesh of landmarks or a study"}
+ABOUT = {
+    "design": "the design mesh",
+    "scan": "the scan mesh, or points",
+    "mesh": "the mesh of landmarks or a study",
+}
 
 
 def _form(job_type: JobType) -> dict[str, Any]:
@@ -40,7 +44,10 @@ JOB_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
         "content": {
-            "multipart/form-data": {"schema": _FORM, "encoding": {"options": {"contentType": "application/json"}}},
+            "multipart/form-data": {
+                "schema": _FORM,
+                "encoding": {"options": {"contentType": "application/json"}},
+            },
             "application/json": {"schema": {"oneOf": [_reference(model.__name__) for model in REQUESTS]}},
         },
     }

@@ -86,7 +86,9 @@ def submit(
             help="a design and its scan; of the other types one mesh",
         ),
     ],
-    job_type: Annotated[str, typer.Option("--type", help="registration, landmarks or study")] = "registration",
+    job_type: Annotated[
+        str, typer.Option("--type", help="registration, landmarks or study")
+    ] = "registration",
     server: Server = DEFAULT_SERVER,
     wait: Annotated[bool, typer.Option("--wait", help="wait for the end, and print the results")] = False,
     out: Annotated[Path | None, typer.Option(help="download the files to this folder (waits)")] = None,
@@ -113,7 +115,9 @@ def submit(
     try:
         kind = parse_type(job_type)
         if len(meshes) != len(MESHES[kind]):
-            refuse(f"a {kind} job takes {len(MESHES[kind])} file(s) ({' and '.join(MESHES[kind])}), not {len(meshes)}")
+            refuse(
+                f"a {kind} job takes {len(MESHES[kind])} file(s) ({' and '.join(MESHES[kind])}), not {len(meshes)}"
+            )
         scan = meshes[1] if len(meshes) > 1 else None
         with Client(server, patience_s=PATIENCE_S) as client:
             with progress_bar() as bar:
@@ -132,7 +136,9 @@ def submit(
                 task = bar.add_task("waiting", total=100.0)
                 client.wait(
                     job.id,
-                    lambda now: bar.update(task, completed=now.progress, description=now.message or now.status.value),
+                    lambda now: bar.update(
+                        task, completed=now.progress, description=now.message or now.status.value
+                    ),
                 )
             results = client.results(job.id)
             if out is not None:
@@ -148,7 +154,9 @@ def submit(
 
 def demo(
     server: Server = DEFAULT_SERVER,
-    data_dir: Annotated[Path, typer.Option(help="of the service that is started when none runs")] = Path("cusp-data"),
+    data_dir: Annotated[Path, typer.Option(help="of the service that is started when none runs")] = Path(
+        "cusp-data"
+    ),
     out: Annotated[Path, typer.Option(help="folder for the meshes and the results")] = Path("cusp-demo"),
     design: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your design mesh")] = None,
     scan: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your scan mesh")] = None,

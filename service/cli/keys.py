@@ -53,12 +53,16 @@ def list_keys(
     table = Table("id", "tenant", "scopes", "name", "created", "revoked")
     for row in rows:
         told = _told(row)
-        table.add_row(*(str(told[key] or "") for key in ("id", "tenant", "scopes", "name", "created", "revoked")))
+        table.add_row(
+            *(str(told[key] or "") for key in ("id", "tenant", "scopes", "name", "created", "revoked"))
+        )
     Console().print(table)
 
 
 @app.command()
-def revoke(key_id: Annotated[str, typer.Argument(help="of `cusp keys list`")], data_dir: DataDir = None) -> None:
+def revoke(
+    key_id: Annotated[str, typer.Argument(help="of `cusp keys list`")], data_dir: DataDir = None
+) -> None:
     """Refuse the key from now on. Its tenant's jobs stay.
 
     `cusp keys revoke 1f0c9a77b2e4`

@@ -115,7 +115,8 @@ def _settings(**given: object) -> ServiceSettings:
         )
     except ValidationError as error:
         told = "; ".join(
-            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")]) for each in error.errors()
+            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")])
+            for each in error.errors()
         )
         _refuse(told)
 

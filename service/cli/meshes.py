@@ -42,7 +42,9 @@ def segment(
     method: Annotated[
         str | None, typer.Option(help="cfsfdp, kmeans, fuzzy_cmeans, kmedians, kcenters or gaussian_mixture")
     ] = None,
-    n_centres: Annotated[int | None, typer.Option(help="number of segments; else what density peaks find")] = None,
+    n_centres: Annotated[
+        int | None, typer.Option(help="number of segments; else what density peaks find")
+    ] = None,
     out: Out = Path("cusp-segments"),
     preset: Preset = "default",
     unit: UnitOption = "auto",
@@ -81,14 +83,22 @@ def landmarks(
 
 def study(
     mesh: MeshPath,
-    kind: Annotated[str | None, typer.Option(help="informativeness (the paper's protocol) or repeatability")] = None,
+    kind: Annotated[
+        str | None, typer.Option(help="informativeness (the paper's protocol) or repeatability")
+    ] = None,
     trials: Annotated[int | None, typer.Option(help="10,000, or 5 a condition for repeatability")] = None,
     detectors: Annotated[
         list[str] | None, typer.Option(help=f"to compare, with commas or repeated: {DETECTORS}")
     ] = None,
-    noise_mm: Annotated[float | None, typer.Option(help="how far the copy is moved; noise for repeatability")] = None,
-    eps: Annotated[float | None, typer.Option(help="repeatability: found again, as a share of the diagonal")] = None,
-    rotation_deg: Annotated[float | None, typer.Option(help="informativeness: also turn by up to this")] = None,
+    noise_mm: Annotated[
+        float | None, typer.Option(help="how far the copy is moved; noise for repeatability")
+    ] = None,
+    eps: Annotated[
+        float | None, typer.Option(help="repeatability: found again, as a share of the diagonal")
+    ] = None,
+    rotation_deg: Annotated[
+        float | None, typer.Option(help="informativeness: also turn by up to this")
+    ] = None,
     count: Annotated[int | None, typer.Option(help="points a detector")] = None,
     out: Out = Path("cusp-study"),
     preset: Preset = "default",
@@ -106,7 +116,14 @@ def study(
     given = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
     names = [name.strip() for each in detectors or [] for name in each.split(",")]
     chosen = {"kind": kind, "trials": trials, "noise_mm": noise_mm, "eps": eps, "rotation_deg": rotation_deg}
-    _run(pipeline.study, mesh, given, {"study": {**chosen, "count": count, "detectors": names or None}}, out, as_json)
+    _run(
+        pipeline.study,
+        mesh,
+        given,
+        {"study": {**chosen, "count": count, "detectors": names or None}},
+        out,
+        as_json,
+    )
 
 
 def _run(

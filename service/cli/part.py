@@ -21,7 +21,9 @@ def run_part(name: str, parent: int) -> int:
     try:
         settings = ServiceSettings()
     except ValidationError as error:
-        return refuse("; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()))
+        return refuse(
+            "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        )
     set_up_logs(settings, name)
     if parent:
         die_with_parent(parent)
@@ -40,7 +42,9 @@ def run_part(name: str, parent: int) -> int:
         try:
             return _run(name, settings)
         except DBAPIError as error:  # while it starts; later a part waits for its database
-            return refuse(f"the database went away during the start: {str(error.orig).strip()}; start this again")
+            return refuse(
+                f"the database went away during the start: {str(error.orig).strip()}; start this again"
+            )
 
 
 def refuse(reason: str) -> int:

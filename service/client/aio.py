@@ -104,7 +104,10 @@ class AsyncClient:
 
     async def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
         """Every mesh as a blob: a form would be read from the disk between the others' calls."""
-        sent = {name: mesh if isinstance(mesh, Blob) else await self.put_blob(mesh) for name, mesh in meshes.items()}
+        sent = {
+            name: mesh if isinstance(mesh, Blob) else await self.put_blob(mesh)
+            for name, mesh in meshes.items()
+        }
         return await self._do(calls.submit(job_type, sent, options))
 
     async def _do(self, call: Call[R]) -> R:

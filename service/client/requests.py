@@ -85,7 +85,9 @@ class Call(Generic[R]):
         if self.document is not None:
             given["json"] = self.document
         if self.files:
-            given["files"] = {name: (path.name, self._open(path, opened)) for name, path in self.files.items()}
+            given["files"] = {
+                name: (path.name, self._open(path, opened)) for name, path in self.files.items()
+            }
             given["data"] = dict(self.form)
         if self.body is not None:
             given["content"] = self._open(self.body, opened)
@@ -156,7 +158,9 @@ def typed_results(job_id: str, model: type[Model]) -> Call[Model]:
 
 
 def files(job_id: str) -> Call[list[FileEntry]]:
-    return Call("GET", f"/v1/jobs/{job_id}/files", lambda answer: FileList.model_validate_json(answer.content).files)
+    return Call(
+        "GET", f"/v1/jobs/{job_id}/files", lambda answer: FileList.model_validate_json(answer.content).files
+    )
 
 
 def dismiss(job_id: str) -> Call[None]:
@@ -189,7 +193,12 @@ def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
             return False
         return call.is_repeatable or isinstance(error.__cause__, httpx.ConnectError)
 
-    return {"retry": retry_if_exception(passes), "stop": stop_after_delay(seconds), "wait": _pause_s, "reraise": True}
+    return {
+        "retry": retry_if_exception(passes),
+        "stop": stop_after_delay(seconds),
+        "wait": _pause_s,
+        "reraise": True,
+    }
 
 
 def _pause_s(state: RetryCallState) -> float:

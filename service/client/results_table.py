@@ -59,7 +59,8 @@ def _landmarks(results: dict[str, Any], console: Console) -> None:
     marks, segments = results["landmarks"]["mesh"], results["segments"]["mesh"]
     detector = results["provenance"]["settings"]["landmarks"]["detector"]
     console.print(
-        f"landmarks: [bold]{len(marks)}[/bold] by {detector}, in {segments['count']} segments", highlight=False
+        f"landmarks: [bold]{len(marks)}[/bold] by {detector}, in {segments['count']} segments",
+        highlight=False,
     )
     table = Table("segment", "vertices", "landmarks", box=None, pad_edge=False)
     marked = Counter(mark["segment"] for mark in marks)
@@ -79,7 +80,9 @@ def _study(results: dict[str, Any], console: Console) -> None:
             table.add_row(row["detector"], row["icp"], str(row["points"]), *shares, _number(row["k"]["p50"]))
         console.print(table)
     if results["repeatability"] is not None:
-        table = Table("detector", "condition", "found again", "by chance", "points", "pose", box=None, pad_edge=False)
+        table = Table(
+            "detector", "condition", "found again", "by chance", "points", "pose", box=None, pad_edge=False
+        )
         for row in results["repeatability"]:
             shares = (f"{row['mean']:.1%}", f"{row['chance']:.1%}")
             table.add_row(

@@ -87,9 +87,13 @@ class Client:
         except httpx.TransportError:
             return False
 
-    def register(self, design: Mesh, scan: Mesh, **options: Unpack[JobOptions]) -> "Running[RegistrationResult]":
+    def register(
+        self, design: Mesh, scan: Mesh, **options: Unpack[JobOptions]
+    ) -> "Running[RegistrationResult]":
         """Start a registration. options : as in the API, `tolerance_mm=0.1, label="part 42"`."""
-        return Running(self, self._start("registration", {"design": design, "scan": scan}, options), RegistrationResult)
+        return Running(
+            self, self._start("registration", {"design": design, "scan": scan}, options), RegistrationResult
+        )
 
     def landmarks(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[LandmarksResult]":
         """Start a search for segments and landmarks."""
@@ -186,7 +190,9 @@ class Client:
     def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
         given = {name: mesh if isinstance(mesh, Blob) else Path(mesh) for name, mesh in meshes.items()}
         if any(isinstance(mesh, Blob) for mesh in given.values()):  # then all are sent as blobs
-            given = {name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh for name, mesh in given.items()}
+            given = {
+                name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh for name, mesh in given.items()
+            }
         return self._do(calls.submit(job_type, given, options))
 
     def _do(self, call: Call[R]) -> R:
@@ -234,7 +240,10 @@ class Running(Generic[Result]):
         """Every file of the job, into a folder that is made when it is not there."""
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        return [self.client.download(self.id, file.name, target / file.name) for file in self.client.files(self.id)]
+        return [
+            self.client.download(self.id, file.name, target / file.name)
+            for file in self.client.files(self.id)
+        ]
 
     def dismiss(self) -> None:
         """Stop it."""
@@ -247,7 +256,12 @@ def wait_for(deadline: float) -> int:
 
 
 def register(
-    design: Mesh, scan: Mesh, *, server: str = DEFAULT_SERVER, api_key: str | None = None, **options: Unpack[JobOptions]
+    design: Mesh,
+    scan: Mesh,
+    *,
+    server: str = DEFAULT_SERVER,
+    api_key: str | None = None,
+    **options: Unpack[JobOptions],
 ) -> Running[RegistrationResult]:
     """Start a registration: `register("design.stl", "scan.stl", tolerance_mm=0.1).result()`."""
     return Client(server, api_key, keep_alive=False).register(design, scan, **options)

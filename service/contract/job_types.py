@@ -45,7 +45,9 @@ def check_options(job_type: JobType, options: Options) -> None:
     for mesh, unit in options.units:
         if unit != "auto" and mesh not in MESHES[job_type]:
             mine = " and ".join(MESHES[job_type])
-            raise _useless(f"units/{mesh}", f"a {job_type} job has no such mesh, only {mine}; leave the unit out")
+            raise _useless(
+                f"units/{mesh}", f"a {job_type} job has no such mesh, only {mine}; leave the unit out"
+            )
 
 
 def wrong_part(name: str, detail: str) -> InvalidRequest:

@@ -22,7 +22,9 @@ def parse_options(given: object) -> Options:
     if isinstance(given, str | bytes):
         given = read_json(given, "options")
     if not isinstance(given, dict):
-        raise InvalidOptions("options: must be a JSON object", errors=[_item("/options", "must be a JSON object")])
+        raise InvalidOptions(
+            "options: must be a JSON object", errors=[_item("/options", "must be a JSON object")]
+        )
     try:
         options = Options.model_validate(given)
         settings = resolve_settings(options)
@@ -32,7 +34,9 @@ def parse_options(given: object) -> Options:
         raise InvalidOptions(_sentence(items), errors=items) from error
     if len(set(settings.study.detectors)) < len(settings.study.detectors):
         where = (
-            "study" if options.study is not None and "detectors" in options.study.model_fields_set else "settings/study"
+            "study"
+            if options.study is not None and "detectors" in options.study.model_fields_set
+            else "settings/study"
         )
         item = _item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
         raise InvalidOptions(_sentence([item]), errors=[item])
@@ -68,9 +72,13 @@ def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem
     """Each wrong value with a JSON Pointer to it."""
     items = []
     for each in error.errors(include_url=False, include_context=False):
-        words = "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
+        words = (
+            "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
+        )
         steps = [*prefix, *(str(step) for step in each["loc"])]
-        items.append(_item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words))
+        items.append(
+            _item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
+        )
     return items
 
 

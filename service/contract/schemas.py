@@ -60,7 +60,9 @@ class Problem(BaseModel):
     mesh: str | None = Field(None, description="the input it is about: `design`, `scan` or `mesh`")
     stage: str | None = Field(None, description="the stage of the method that could not go on")
     errors: list[ProblemItem] | None = Field(None, description="each wrong value of the request")
-    instance: str | None = Field(None, description="id of this occurrence, to quote to whoever runs the service")
+    instance: str | None = Field(
+        None, description="id of this occurrence, to quote to whoever runs the service"
+    )
 
 
 class Units(Request):
@@ -74,14 +76,18 @@ class Units(Request):
 class Webhook(Request):
     """Whom to tell when the job is final, by Standard Webhooks: signed, and sent again until it is taken."""
 
-    url: str = Field(max_length=2000, description="http(s) address; private ones only where the service allows them")
+    url: str = Field(
+        max_length=2000, description="http(s) address; private ones only where the service allows them"
+    )
 
 
 class Options(Request):
     """How to run a job; every default runs."""
 
     preset: Literal["default", "paper"] = Field("default", description="where `settings` start from")
-    settings: dict[str, JsonValue] = Field({}, description="any part of the pipeline's Settings, over the preset")
+    settings: dict[str, JsonValue] = Field(
+        {}, description="any part of the pipeline's Settings, over the preset"
+    )
     units: Units = Field(Units(), description="unit of each file")
     tolerance_mm: float | None = Field(
         None,
@@ -92,7 +98,9 @@ class Options(Request):
         None, description="`study` only: what to do; each key that is sent goes over `settings.study`"
     )
     seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
-    label: str | None = Field(None, max_length=200, pattern=NO_NUL, description="yours, for finding the job again")
+    label: str | None = Field(
+        None, max_length=200, pattern=NO_NUL, description="yours, for finding the job again"
+    )
     webhook: Webhook | None = Field(None, description="whom to tell when the job is final")
 
     @field_serializer("study")
@@ -175,7 +183,9 @@ class Job(Response):
     type: JobType = Field(description="what it does")
     status: Status = Field(description="where it stands")
     stage: Stage | None = Field(description="what the child process is doing; null before it starts")
-    progress: float = Field(ge=0, le=100, description="percent of the whole job; never falls within an attempt")
+    progress: float = Field(
+        ge=0, le=100, description="percent of the whole job; never falls within an attempt"
+    )
     message: str | None = Field(description="the stage in words")
     label: str | None = Field(description="as sent in `options`")
     inputs: JobInputs = Field(description="the meshes it is about")

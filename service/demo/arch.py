@@ -63,7 +63,9 @@ def arch(n_vertices: int = 5000, seed: int = 0) -> Surface:
     patch = np.stack(np.meshgrid(_unit(rows), _unit(columns), indexing="ij"), axis=2).reshape(-1, 2)
     corner = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (q.ravel() for q in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
-    sides = np.unique(np.concatenate([np.stack(pair, 1) for pair in ((a, b), (a, d), (b, c), (d, c))]), axis=0)
+    sides = np.unique(
+        np.concatenate([np.stack(pair, 1) for pair in ((a, b), (a, d), (b, c), (d, c))]), axis=0
+    )
     vertices = sweep.points(patch, sides)
     ac, bd = (np.linalg.norm(vertices[p] - vertices[q], axis=1) for p, q in ((a, c), (b, d)))
     cut_ac, cut_bd = np.stack([a, b, c, a, c, d], 1), np.stack([a, b, d, b, c, d], 1)

@@ -56,7 +56,9 @@ KINDS = (*reversed(_HALF), *_HALF)  # from the right second molar around to the 
 def occlusal(kind: Kind, u: FloatArray, v: FloatArray) -> FloatArray:
     """Height above the gum line of a crown's biting surface at (u, v), mm from its centre."""
     half_width, half_depth = kind.width / 2, kind.depth / 2
-    away = [np.sqrt((u - cu * half_width) ** 2 + (v - cv * half_depth) ** 2 + 0.5) for cu, cv, _ in kind.cusps]
+    away = [
+        np.sqrt((u - cu * half_width) ** 2 + (v - cv * half_depth) ** 2 + 0.5) for cu, cv, _ in kind.cusps
+    ]
     cones = [kind.slope * (0.5**0.5 - r) - drop for r, (_, _, drop) in zip(away, kind.cusps, strict=True)]
     height = np.logaddexp.reduce(5.0 * np.stack(cones), axis=0) / 5.0  # fissures rounded over 1/5 mm
     ridge = kind.ridge * np.exp(-(((np.abs(u) - 0.82 * half_width) / (0.18 * half_width)) ** 2))

@@ -37,7 +37,9 @@ class DemoProblem(Exception):
     """Why the demo cannot go on, and what to do."""
 
 
-def run_demo(*, server: str, data_dir: Path, out: Path, design: Path | None, scan: Path | None, seed: int) -> int:
+def run_demo(
+    *, server: str, data_dir: Path, out: Path, design: Path | None, scan: Path | None, seed: int
+) -> int:
     """Register a pair through the service at `server`, started with `data_dir` if none answers, and explain.
 
     design, scan : the user's files, both or neither; neither makes the pair by formula, varied by `seed`
@@ -142,7 +144,9 @@ def _wait_ready(client: Client, process: subprocess.Popen[bytes], log: Path) -> 
         ended = process.poll()
         if ended is not None or time.monotonic() > deadline:
             said = "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-15:])
-            how = f"is not ready after {START_TIMEOUT_S:.0f} s" if ended is None else f"ended with code {ended}"
+            how = (
+                f"is not ready after {START_TIMEOUT_S:.0f} s" if ended is None else f"ended with code {ended}"
+            )
             raise DemoProblem(f"The service started for the demo {how}. The end of its log, {log}:\n{said}")
         time.sleep(0.2)
 
@@ -162,7 +166,9 @@ def _submit(console: Console, client: Client, design: Path, scan: Path, seed: in
     console.print("Uploading both, as this would:")
     console.print(f"  {escape(shlex.join([*curl, client.server + '/v1/jobs']))}")
     job = client.submit(design, scan, options)
-    console.print(f"Job {job.id} is {job.status.value}; polling {client.server}{job.links.self}", soft_wrap=True)
+    console.print(
+        f"Job {job.id} is {job.status.value}; polling {client.server}{job.links.self}", soft_wrap=True
+    )
     return job
 
 

@@ -51,5 +51,9 @@ def _error(
     if number == signal.SIGABRT and peak_mib is not None and peak_mib > NEAR_LIMIT * memory_limit_mib:
         return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))
     name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
-    hint = SIGNAL_HINTS.get(signal.Signals(number), "report it") if number in set(signal.Signals) else "report it"
+    hint = (
+        SIGNAL_HINTS.get(signal.Signals(number), "report it")
+        if number in set(signal.Signals)
+        else "report it"
+    )
     return JobCrashed(f"the job's process was killed by {name}: {hint}")

@@ -11,7 +11,9 @@ import structlog
 
 from service.storage.retry import DATABASE_AWAY
 
-BEAT_INTERVAL_S = 0.5  # a job is taken for lost after `reaper.DEAD_AFTER_MS`, and a dismissed one is stopped within 3 s
+BEAT_INTERVAL_S = (
+    0.5  # a job is taken for lost after `reaper.DEAD_AFTER_MS`, and a dismissed one is stopped within 3 s
+)
 log = structlog.get_logger()
 
 

@@ -104,7 +104,9 @@ class Sandbox:
                 self._zygote.wait()
                 self._zygote = None
 
-    def run(self, key: str, task: dict[str, Any], on_progress: OnProgress, is_wanted: Callable[[], bool]) -> Outcome:
+    def run(
+        self, key: str, task: dict[str, Any], on_progress: OnProgress, is_wanted: Callable[[], bool]
+    ) -> Outcome:
         """Run one job to its end, whatever that is. `task["folder"]` must exist; `child.log` and the task are written there.
 
         `is_wanted` is asked every LOOK_INTERVAL_S; the process group is killed once it says no.
@@ -188,7 +190,9 @@ class Sandbox:
         if told.get("event") == "problem":
             return Outcome("failed", Problem.model_validate(told["problem"]), seconds, peak_mib)
         by = "time" if killed_for == "time" else ended.get("by")
-        problem = explain_exit(ended.get("status"), by, peak_mib, self._limits.memory_mib, self._limits.time_s)
+        problem = explain_exit(
+            ended.get("status"), by, peak_mib, self._limits.memory_mib, self._limits.time_s
+        )
         return Outcome("failed", problem, seconds, peak_mib)
 
     def _send(self, order: dict[str, Any], fds: list[int]) -> None:
@@ -264,7 +268,9 @@ class _Lines:
 
 def kept_environment() -> dict[str, str]:
     """Ours without what is not known to be harmless."""
-    return {name: value for name, value in os.environ.items() if name in KEPT or KEPT_FAMILIES.fullmatch(name)}
+    return {
+        name: value for name, value in os.environ.items() if name in KEPT or KEPT_FAMILIES.fullmatch(name)
+    }
 
 
 def log_tail(folder: Path, length: int = 4000) -> str:

@@ -122,7 +122,9 @@ def run_up(settings: ServiceSettings) -> int:
             log.info("service stopped")
 
 
-def _keep_alive(parts: list[Part], start: Callable[[str], "subprocess.Popen[bytes]"], stop: threading.Event) -> int:
+def _keep_alive(
+    parts: list[Part], start: Callable[[str], "subprocess.Popen[bytes]"], stop: threading.Event
+) -> int:
     while not stop.wait(LOOK_INTERVAL_S):
         for part in parts:
             code = part.process.poll()

@@ -68,7 +68,9 @@ def run_worker(settings: ServiceSettings) -> int:
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
     retention = Retention(jobs, blobs, designs, settings.retention_h)
-    alive = Chore("say that it lives", lambda: jobs.worker_beat(settings.worker_id), BEAT_INTERVAL_S).begin(stop)
+    alive = Chore("say that it lives", lambda: jobs.worker_beat(settings.worker_id), BEAT_INTERVAL_S).begin(
+        stop
+    )
     # After a database that was away, workers that were not heard of may be heard of again: wait for them.
     Chore("look for lost jobs", reaper.sweep, SWEEP_INTERVAL_S, DEAD_AFTER_MS / 1000).begin(stop)
     Chore("let go what is old", retention.sweep, RETENTION_INTERVAL_S).begin(stop)

@@ -18,7 +18,10 @@ from service.jobs.models import Base, JobRow, WorkerRow, now_ms
 ALIVE_MS = 15_000  # a worker says so every second
 #: name -> its label, what it counts
 COUNTERS: dict[str, tuple[str, str]] = {
-    "cusp_jobs_ended": ("outcome", "jobs that ended: successful, dismissed, handed_back, or the code of the problem"),
+    "cusp_jobs_ended": (
+        "outcome",
+        "jobs that ended: successful, dismissed, handed_back, or the code of the problem",
+    ),
     "cusp_stage_seconds": ("stage", "seconds that jobs spent in a stage of the method"),
     "cusp_stage_passes": ("stage", "passages through a stage, to divide the seconds by"),
     "cusp_uploads": ("format", "meshes received"),
@@ -63,7 +66,9 @@ class Metrics(Collector):
     def add(self, name: str, amounts: Mapping[str, float]) -> None:
         """Add to counters of one name. amounts : by label"""
         assert name in COUNTERS, name  # noqa: S101 (a name that nobody would see)
-        rows = [{"name": name, "label": label[:64], "value": value} for label, value in sorted(amounts.items())]
+        rows = [
+            {"name": name, "label": label[:64], "value": value} for label, value in sorted(amounts.items())
+        ]
         if rows:
             with self._engine.begin() as connection:
                 connection.execute(_ADD, rows)
@@ -83,19 +88,27 @@ class Metrics(Collector):
         """See prometheus_client."""
         with self._session() as session:
             counted = session.execute(select(CounterRow.name, CounterRow.label, CounterRow.value)).all()
-            status = type_coerce(JobRow.status, String)  # a later version may have words that are unknown here
+            status = type_coerce(
+                JobRow.status, String
+            )  # a later version may have words that are unknown here
             statuses = select(status, func.count()).group_by(status)
             by_status: dict[str, int] = {row[0]: row[1] for row in session.execute(statuses)}
-            oldest = session.scalar(select(func.min(JobRow.created_ms)).where(JobRow.status == Status.ACCEPTED))
+            oldest = session.scalar(
+                select(func.min(JobRow.created_ms)).where(JobRow.status == Status.ACCEPTED)
+            )
             alive = session.scalar(
-                select(func.count()).select_from(WorkerRow).where(WorkerRow.heartbeat_ms >= now_ms() - ALIVE_MS)
+                select(func.count())
+                .select_from(WorkerRow)
+                .where(WorkerRow.heartbeat_ms >= now_ms() - ALIVE_MS)
             )
         for name, (label, words) in COUNTERS.items():
             family = CounterMetricFamily(name, words, labels=[label])
             for each in sorted((row for row in counted if row.name == name), key=lambda row: row.label):
                 family.add_metric([each.label], each.value)
             yield family
-        peaks = GaugeMetricFamily(PEAK, "most resident memory that a job's process took, MiB", labels=["type"])
+        peaks = GaugeMetricFamily(
+            PEAK, "most resident memory that a job's process took, MiB", labels=["type"]
+        )
         for each in sorted((row for row in counted if row.name == PEAK), key=lambda row: row.label):
             peaks.add_metric([each.label], each.value)
         yield peaks
@@ -104,7 +117,9 @@ class Metrics(Collector):
             jobs.add_metric([word.value], by_status.get(word.value, 0))
         yield jobs
         waited_s = 0.0 if oldest is None else max(0.0, (now_ms() - oldest) / 1000)
-        yield GaugeMetricFamily("cusp_queue_oldest_seconds", "age of the job that waits longest; 0: none", waited_s)
+        yield GaugeMetricFamily(
+            "cusp_queue_oldest_seconds", "age of the job that waits longest; 0: none", waited_s
+        )
         yield GaugeMetricFamily("cusp_workers_alive", "workers heard of within 15 s", alive or 0)
         yield GaugeMetricFamily(
             "cusp_disk_free_bytes", "room on the data volume", shutil.disk_usage(self._data_dir).free

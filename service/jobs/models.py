@@ -33,7 +33,9 @@ def check_move(before: Status, after: Status) -> None:
 
 
 # The words themselves as text, so that a person can read the table and a later version can add one.
-_STATUS = Enum(Status, native_enum=False, create_constraint=False, length=16, values_callable=lambda words: list(words))
+_STATUS = Enum(
+    Status, native_enum=False, create_constraint=False, length=16, values_callable=lambda words: list(words)
+)
 
 
 class Base(DeclarativeBase):

@@ -83,7 +83,9 @@ class DbosQueue:
 
     def tickets(self) -> dict[str, str | None]:
         """See Queue."""
-        active = self._client.list_workflows(status=["ENQUEUED", "PENDING"], load_input=False, load_output=False)
+        active = self._client.list_workflows(
+            status=["ENQUEUED", "PENDING"], load_input=False, load_output=False
+        )
         return {each.workflow_id: each.executor_id if each.status == "PENDING" else None for each in active}
 
     def _status(self, job_id: str) -> str | None:

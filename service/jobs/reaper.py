@@ -12,7 +12,9 @@ from service.jobs.store import JobStore
 from service.storage.retry import DATABASE_AWAY
 
 LOST_AFTER_MS = 3_000  # the desk gives a job its ticket within milliseconds
-DEAD_AFTER_MS = 15_000  # a running job's heartbeat comes every 0.5 s; other machines' clocks may be some seconds off
+DEAD_AFTER_MS = (
+    15_000  # a running job's heartbeat comes every 0.5 s; other machines' clocks may be some seconds off
+)
 log = structlog.get_logger()
 
 

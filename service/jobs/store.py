@@ -50,7 +50,11 @@ class JobStore:
         that one is returned instead; None when it stands for another request.
         """
         given = IdempotencyRow(
-            tenant=row.tenant, key=key, request_sha256=request_sha256, job_id=row.id, created_ms=self._clock_ms()
+            tenant=row.tenant,
+            key=key,
+            request_sha256=request_sha256,
+            job_id=row.id,
+            created_ms=self._clock_ms(),
         )
         row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
         try:
@@ -190,7 +194,9 @@ class JobStore:
 
     def succeed(self, job_id: str, attempt: int, files: list[dict[str, Any]]) -> bool:
         """Publish: from this one UPDATE on, clients see the files of this attempt."""
-        return self._finish(job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0)
+        return self._finish(
+            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0
+        )
 
     def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
         """End the job with its reason."""
@@ -199,7 +205,9 @@ class JobStore:
     def hand_back(self, job_id: str, attempt: int) -> bool:
         """Give up an attempt without blame (the worker is asked to stop); another attempt starts later."""
         mine = JobRow.attempt == attempt
-        return self._move(job_id, Status.RUNNING, Status.ACCEPTED, mine, counted_as="handed_back", **_UNSTARTED)
+        return self._move(
+            job_id, Status.RUNNING, Status.ACCEPTED, mine, counted_as="handed_back", **_UNSTARTED
+        )
 
     def orphans(self, *, worker: str | None = None, silent_since_ms: int | None = None) -> Sequence[str]:
         """Ids of running jobs of `worker`, or whose worker was not heard of since then: ids only, for one row that cannot be
@@ -221,7 +229,9 @@ class JobStore:
             return Status.FAILED if self.fail(row.id, row.attempt, crashed) else None
         mine = JobRow.attempt == row.attempt
         values = {**_UNSTARTED, "crashes": row.crashes + 1}
-        return Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
+        return (
+            Status.ACCEPTED if self._move(row.id, Status.RUNNING, Status.ACCEPTED, mine, **values) else None
+        )
 
     def waiting_since(self, before_ms: int) -> dict[str, int]:
         """Accepted jobs created before then that were given to the queue, oldest first, and the turn of each."""
@@ -232,9 +242,14 @@ class JobStore:
 
     def without_ticket(self, limit: int) -> dict[str, int]:
         """Accepted jobs that were never given to the queue, and the turn of each; the first ones first."""
-        query = select(JobRow.id, JobRow.turn).where(JobRow.has_ticket.is_(False), JobRow.status == Status.ACCEPTED)
+        query = select(JobRow.id, JobRow.turn).where(
+            JobRow.has_ticket.is_(False), JobRow.status == Status.ACCEPTED
+        )
         with self._session() as session:
-            return {row.id: row.turn for row in session.execute(query.order_by(JobRow.turn, JobRow.id).limit(limit))}
+            return {
+                row.id: row.turn
+                for row in session.execute(query.order_by(JobRow.turn, JobRow.id).limit(limit))
+            }
 
     def dismissed_with_ticket(self, limit: int) -> Sequence[str]:
         """Dismissed jobs whose ticket was not taken back."""

@@ -32,7 +32,9 @@ def job_of(row: JobRow) -> Job:
 def files_of(row: JobRow) -> FileList:
     """The files of a successful job."""
     address = f"/v1/jobs/{row.id}/files"
-    return FileList(files=[FileEntry(**entry, href=f"{address}/{entry['name']}") for entry in row.files or []])
+    return FileList(
+        files=[FileEntry(**entry, href=f"{address}/{entry['name']}") for entry in row.files or []]
+    )
 
 
 def time_of(ms: int | None) -> datetime | None:

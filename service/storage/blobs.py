@@ -203,7 +203,9 @@ class BlobStore:
     def stored(self, *, older_than_ms: int) -> Iterator[list[str]]:
         """Ids of blobs that were sent last before then, some at a time."""
         for batch in obstore.list(self._store, prefix="blobs", chunk_size=1000):
-            yield [f"sha256:{entry['path'].rpartition('/')[2]}" for entry in batch if _ms(entry) < older_than_ms]
+            yield [
+                f"sha256:{entry['path'].rpartition('/')[2]}" for entry in batch if _ms(entry) < older_than_ms
+            ]
 
     def jobs_with_results(self) -> list[str]:
         """Ids of jobs of which any file is stored, published or not."""

@@ -14,7 +14,9 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-BUSY_TIMEOUT_MS = 10_000  # the API and the worker write to one file; each write takes well under a millisecond
+BUSY_TIMEOUT_MS = (
+    10_000  # the API and the worker write to one file; each write takes well under a millisecond
+)
 CONNECT_TIMEOUT_S = 10
 MIGRATION_LOCK = 0x43555350  # of PostgreSQL's advisory locks: "CUSP"
 
@@ -31,7 +33,11 @@ def check_sqlite(url: str) -> None:
     NoDatabase
     """
     python = tuple(sys.version_info)
-    if make_url(url).get_backend_name() == "sqlite" and python >= (3, 12) and sqlite3.sqlite_version_info < (3, 42):
+    if (
+        make_url(url).get_backend_name() == "sqlite"
+        and python >= (3, 12)
+        and sqlite3.sqlite_version_info < (3, 42)
+    ):
         raise NoDatabase(
             f"Python {python[0]}.{python[1]} here has SQLite {sqlite3.sqlite_version}; with it the queue "
             "needs 3.42 or newer: use Python 3.11, a newer system, or PostgreSQL (CUSP_DATABASE_URL)"

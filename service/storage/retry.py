@@ -30,7 +30,11 @@ def what_is_away(error: BaseException) -> str | None:
         return "no room is left on the disk"
     # What obstore raises while it streams is an OSError without a number.
     if isinstance(error, StoreError) or (isinstance(error, OSError) and error.errno in (None, errno.EIO)):
-        return "no room is left on the disk" if "No space left" in str(error) else "the store of files does not answer"
+        return (
+            "no room is left on the disk"
+            if "No space left" in str(error)
+            else "the store of files does not answer"
+        )
     return None
 
 

@@ -9,7 +9,9 @@ from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_add
 from urllib.parse import urlsplit
 
 Network = IPv4Network | IPv6Network
-_NAT64 = IPv6Network("64:ff9b::/96")  # how IPv4 is reached where there is only IPv6: judged by the address within
+_NAT64 = IPv6Network(
+    "64:ff9b::/96"
+)  # how IPv4 is reached where there is only IPv6: judged by the address within
 _GLOBAL_UNICAST = IPv6Network("2000::/3")  # all else of IPv6 is local, reserved, or another way to write IPv4
 
 

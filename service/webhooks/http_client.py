@@ -21,7 +21,9 @@ from service.webhooks.address_guard import ForbiddenAddress, Guard
 from service.webhooks.outbox import Answer
 
 TIMEOUT_S = 10.0  # to connect to an address, and for each read
-TOTAL_S = 40.0  # for all together: well below `webhooks.LEASE_MS`, after which another sender would send it as well
+TOTAL_S = (
+    40.0  # for all together: well below `webhooks.LEASE_MS`, after which another sender would send it as well
+)
 MAX_RETRY_AFTER_S = 24 * 3600
 
 
@@ -118,7 +120,10 @@ class Poster:
         context.load_verify_locations(certifi.where())
         self._guard = guard
         self._pool = httpcore.ConnectionPool(
-            ssl_context=context, network_backend=GuardedBackend(guard), max_connections=32, max_keepalive_connections=0
+            ssl_context=context,
+            network_backend=GuardedBackend(guard),
+            max_connections=32,
+            max_keepalive_connections=0,
         )
 
     def close(self) -> None:
@@ -138,13 +143,20 @@ class Poster:
         timeout = dict.fromkeys(("connect", "read", "write", "pool"), TIMEOUT_S)
         try:
             self._guard.check_url(url)  # allowed networks may have changed since it was taken
-            with self._pool.stream("POST", url, headers=sent, content=body, extensions={"timeout": timeout}) as answer:
+            with self._pool.stream(
+                "POST", url, headers=sent, content=body, extensions={"timeout": timeout}
+            ) as answer:
                 told = {key.lower(): value for key, value in answer.headers}
                 waits = told.get(b"retry-after", b"")
                 retry_after_s = min(int(waits), MAX_RETRY_AFTER_S) if waits.isdigit() else 0
                 return Answer(answer.status, None, time.monotonic() - begun, retry_after_s)
         except ForbiddenAddress as error:
             return Answer(None, str(error), time.monotonic() - begun, is_forbidden=True)
-        except (httpcore.NetworkError, httpcore.TimeoutException, httpcore.ProtocolError, ValueError) as error:
+        except (
+            httpcore.NetworkError,
+            httpcore.TimeoutException,
+            httpcore.ProtocolError,
+            ValueError,
+        ) as error:
             reason = str(error) or type(error).__name__
             return Answer(None, reason[:300], time.monotonic() - begun)

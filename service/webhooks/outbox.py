@@ -120,7 +120,10 @@ def delivery_list(rows: Sequence[DeliveryRow]) -> DeliveryList:
     for row in rows:
         attempts = [
             DeliveryAttempt(
-                at=time_of(tried["at_ms"]), status=tried["status"], error=tried["error"], seconds=tried["seconds"]
+                at=time_of(tried["at_ms"]),
+                status=tried["status"],
+                error=tried["error"],
+                seconds=tried["seconds"],
             )
             for tried in row.attempts
         ]
@@ -154,7 +157,9 @@ class Deliveries:
     def take(self, limit: int) -> list[DeliveryRow]:
         """Up to `limit` messages that are due; for `LEASE_MS` nobody else gets them."""
         now = self._clock_ms()
-        due = select(DeliveryRow.id).where(DeliveryRow.state == DeliveryState.WAITING, DeliveryRow.next_ms <= now)
+        due = select(DeliveryRow.id).where(
+            DeliveryRow.state == DeliveryState.WAITING, DeliveryRow.next_ms <= now
+        )
         taken: list[DeliveryRow] = []
         with self._session.begin() as session:
             for each in session.scalars(due.order_by(DeliveryRow.next_ms, DeliveryRow.id).limit(limit)).all():
@@ -170,7 +175,12 @@ class Deliveries:
     def note(self, row: DeliveryRow, answer: Answer) -> DeliveryState:
         """Write down how an attempt ended, and when the next one is."""
         now = self._clock_ms()
-        tried = {"at_ms": now, "status": answer.status, "error": answer.error, "seconds": round(answer.seconds, 3)}
+        tried = {
+            "at_ms": now,
+            "status": answer.status,
+            "error": answer.error,
+            "seconds": round(answer.seconds, 3),
+        }
         attempts = [*row.attempts, tried]
         state, next_ms = DeliveryState.WAITING, now
         if answer.is_taken:
@@ -192,7 +202,9 @@ class Deliveries:
         """What the tenant's messages are signed with now, the newest first; made at the first call."""
         with suppress(IntegrityError), self._session.begin() as session:  # two at once: the first one's stays
             if session.get(SecretRow, tenant) is None:
-                session.add(SecretRow(tenant=tenant, secret=_new_secret(), previous=None, created_ms=self._clock_ms()))
+                session.add(
+                    SecretRow(tenant=tenant, secret=_new_secret(), previous=None, created_ms=self._clock_ms())
+                )
         with self._session() as session:
             row = session.get_one(SecretRow, tenant)
             is_recent = self._clock_ms() - row.created_ms < ROTATION_MS

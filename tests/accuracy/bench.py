@@ -47,7 +47,10 @@ DESIGNS = (
     ),
 )
 PAIRS = ("pendulum", "separator", "square_peg")
-STRANGERS = (("dental/arch_001C.ply", "dental/arch_022C.ply"), ("cad/so101_base.stl", "cad/so101_upper_arm.stl"))
+STRANGERS = (
+    ("dental/arch_001C.ply", "dental/arch_022C.ply"),
+    ("cad/so101_base.stl", "cad/so101_upper_arm.stl"),
+)
 NOISE_SHARE, WARP_SHARE = 0.001, 0.003
 SCAN_VERTICES = 8000
 
@@ -125,7 +128,10 @@ def main() -> None:
     table = Table("case", "verdict", "confidence", "error %", "RMSE %", "landmarks", "matched", "seconds")
     with tempfile.TemporaryDirectory() as folder:
         for case in cases():
-            design, scan = save(case.design, Path(folder) / "design.ply"), save(case.scan, Path(folder) / "scan.ply")
+            design, scan = (
+                save(case.design, Path(folder) / "design.ply"),
+                save(case.scan, Path(folder) / "scan.ply"),
+            )
             start = time.perf_counter()
             result = pipeline.register(design, scan)
             seconds = time.perf_counter() - start
@@ -140,7 +146,11 @@ def main() -> None:
             landmarks = result.landmarks
             table.add_row(
                 *(case.name, result.verdict.status, f"{result.verdict.confidence:.2f}", error, rmse),
-                *(f"{len(landmarks.design)} / {len(landmarks.scan)}", str(len(landmarks.matches)), f"{seconds:.1f}"),
+                *(
+                    f"{len(landmarks.design)} / {len(landmarks.scan)}",
+                    str(len(landmarks.matches)),
+                    f"{seconds:.1f}",
+                ),
             )
             console.print(f"{case.name}: {result.verdict.status}, error {error} %, {seconds:.1f} s")
     console.print(table)

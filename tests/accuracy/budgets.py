@@ -52,13 +52,24 @@ def peak_mib(client: Client) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--large", action="store_true", help="also a million triangles")
     parser.add_argument("--scans", type=int, default=3, help="of each design")
     options = parser.parse_args()
     pairs = arches() | ({"large": large()} if options.large else {})
     table = Table(title="Whole jobs through the service, seconds")
-    for column in ("design", "triangles", "scan", "POST to result", "overhead", "registration", "verdict", "RMSE mm"):
+    for column in (
+        "design",
+        "triangles",
+        "scan",
+        "POST to result",
+        "overhead",
+        "registration",
+        "verdict",
+        "RMSE mm",
+    ):
         table.add_column(column)
     overheads: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -76,7 +87,11 @@ def main() -> None:
                     print(f"{name} {which}: {took:.2f} s; " + ", ".join(f"{k} {v:.2f}" for k, v in slowest))
                     table.add_row(
                         *(name, f"{len(design.faces)} / {len(scan.faces)}", which, f"{took:.2f}"),
-                        *(f"{overheads[-1]:.2f}", f"{result.timings_s['registration']:.2f}", result.verdict.status),
+                        *(
+                            f"{overheads[-1]:.2f}",
+                            f"{result.timings_s['registration']:.2f}",
+                            result.verdict.status,
+                        ),
                         f"{np.nan if result.metrics.rmse_mm is None else result.metrics.rmse_mm:.3f}",
                     )
             peak = peak_mib(service.client)

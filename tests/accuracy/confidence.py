@@ -54,8 +54,12 @@ def specs(seeds: int) -> list[Spec]:
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         for condition in ("scan", *HARDER):
             found += [Spec("harder", shape, condition, seed) for shape in shapes]
-        found += [Spec("other part", design, "scan", seed, scanned) for design, scanned in gauntlet_cases.STRANGERS]
-        found += [Spec("another patient", design, "scan", seed, scan) for design, scan in gauntlet_cases.PATIENTS]
+        found += [
+            Spec("other part", design, "scan", seed, scanned) for design, scanned in gauntlet_cases.STRANGERS
+        ]
+        found += [
+            Spec("another patient", design, "scan", seed, scan) for design, scan in gauntlet_cases.PATIENTS
+        ]
         found += [Spec("depth camera", f"pairs/{pair}", "points", seed) for pair in gauntlet_cases.PAIRS]
     return found
 
@@ -66,7 +70,9 @@ def measured(spec: Spec) -> dict[str, Any]:
     case = gauntlet_cases.build(spec)
     settings = Settings()
     with tempfile.TemporaryDirectory() as folder:
-        files = [save(mesh, Path(folder) / f"{name}.ply") for name, mesh in (("d", case.design), ("s", case.scan))]
+        files = [
+            save(mesh, Path(folder) / f"{name}.ply") for name, mesh in (("d", case.design), ("s", case.scan))
+        ]
         (_, design_in), (_, scan_in) = (
             read(MeshFile(path), name, settings, silent(), needs_surface=name == "design")
             for path, name in zip(files, ("design", "scan"), strict=True)
@@ -135,13 +141,20 @@ def judge(said: FloatArray, right: FloatArray, title: str) -> Table:
     """Reliability: of the poses that say so much, how many are right. Brier score in the title."""
     brier = float(np.mean((said - right) ** 2))
     made = Table(
-        "confidence", "cases", "mean said", "right", title=f"{title}: {len(said)} cases, Brier score {brier:.4f}"
+        "confidence",
+        "cases",
+        "mean said",
+        "right",
+        title=f"{title}: {len(said)} cases, Brier score {brier:.4f}",
     )
     for low, high in itertools.pairwise(BINS):
         chosen = (said >= low) & ((said < high) | (high == 1.0))
         if chosen.any():
             made.add_row(
-                f"{low} to {high}", str(chosen.sum()), f"{said[chosen].mean():.3f}", f"{right[chosen].mean():.3f}"
+                f"{low} to {high}",
+                str(chosen.sum()),
+                f"{said[chosen].mean():.3f}",
+                f"{right[chosen].mean():.3f}",
             )
     return made
 
@@ -157,7 +170,9 @@ def _said(weights: FloatArray, rows: list[dict[str, Any]]) -> FloatArray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--processes", type=int, default=2)
@@ -175,7 +190,11 @@ def main() -> None:
             console.print(judge(said, right, f"{len(learned)} cases learned, other shapes judged"))
         console.print("all cases:", np.round(fit(rows), 2).tolist())
     if args.judge:
-        lines = [row for row in gauntlet.read_rows(args.judge).values() if row.tool == gauntlet.CUSP and row.confidence]
+        lines = [
+            row
+            for row in gauntlet.read_rows(args.judge).values()
+            if row.tool == gauntlet.CUSP and row.confidence
+        ]
         said = np.array([row.confidence for row in lines])
         right = np.array([bool(row.right) and not row.at_rival for row in lines], dtype=np.float64)
         console.print(judge(said, right, "poses given in the gauntlet"))

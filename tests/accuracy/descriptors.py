@@ -59,8 +59,12 @@ def marked(mesh: Mesh, scales: Scales, settings: Settings) -> Marked:
     found = cut(mesh, "mesh", scales, settings, silent(), 0, fine=True)
     fine = found.resampled.fine or found.resampled.mesh
     measured = features(fine, scales.radius_mm, settings.features)
-    marks = landmarks(found.resampled.mesh, found.distances.surface, found.segmentation, measured, settings.landmarks)
-    return Marked(found.resampled.mesh, fine, marks, found.segmentation.centres, found.distances.surface, scales)
+    marks = landmarks(
+        found.resampled.mesh, found.distances.surface, found.segmentation, measured, settings.landmarks
+    )
+    return Marked(
+        found.resampled.mesh, fine, marks, found.segmentation.centres, found.distances.surface, scales
+    )
 
 
 def by_fpfh(of: Marked, settings: Settings) -> FloatArray:
@@ -118,7 +122,10 @@ def trial(name: str, condition: str, seed: int) -> dict[str, Found]:
     settings = Settings()
     scales = Scales.of(design, settings)
     made = printed(
-        design, design.diagonal_mm, CONDITIONS[condition], np.random.default_rng([FIRST_SEED + seed, len(name)])
+        design,
+        design.diagonal_mm,
+        CONDITIONS[condition],
+        np.random.default_rng([FIRST_SEED + seed, len(name)]),
     )
     ours, theirs = marked(design, scales, settings), marked(made.scan, scales, settings)
     described: dict[str, tuple[FloatArray, FloatArray, float]] = {}
@@ -129,7 +136,9 @@ def trial(name: str, condition: str, seed: int) -> dict[str, Found]:
     both = [np.column_stack([_scaled(first[0], first[k]), _scaled(second[0], second[k])]) for k in (0, 1)]
     described[" + ".join(TOGETHER)] = both[0], both[1], first[2] + second[2]
     return {
-        word: judged(of_design, of_scan, seconds, ours, theirs, made.T_design_scan, design.diagonal_mm, settings)
+        word: judged(
+            of_design, of_scan, seconds, ours, theirs, made.T_design_scan, design.diagonal_mm, settings
+        )
         for word, (of_design, of_scan, seconds) in described.items()
     }
 
@@ -153,7 +162,9 @@ def judged(
     if min(len(of_design), len(of_scan)) < 2:
         return Found(None, None, False, seconds)
     order = k_nearest(of_design, of_scan, min(settings.matching.candidates, len(of_design)))
-    distance, counterpart = nearest(ours.marks.position_mm, rigid.transformed(T_design_scan, theirs.marks.position_mm))
+    distance, counterpart = nearest(
+        ours.marks.position_mm, rigid.transformed(T_design_scan, theirs.marks.position_mm)
+    )
     there = distance <= FOUND_SHARE * diagonal_mm
     i, j = np.repeat(np.arange(len(order)), order.shape[1]), order.ravel()
     length_mm = ours.scales.matching_mm(settings)
@@ -183,7 +194,9 @@ def table(found: dict[tuple[str, str], list[Found]], words: list[str]) -> Table:
             of_eight = np.mean([each.of_eight for each in rows if each.of_eight is not None])
             cells.append(f"{first:.2f} / {of_eight:.2f} / {np.mean([each.pose for each in rows]):.0%}")
         made.add_row(condition, str(len(found[condition, words[0]])), *cells)
-    seconds = [f"{np.median([each.seconds for c in TESTED for each in found[c, word]]):.2f}" for word in words]
+    seconds = [
+        f"{np.median([each.seconds for c in TESTED for each in found[c, word]]):.2f}" for word in words
+    ]
     made.add_row("median s", "", *seconds)
     return made
 
@@ -194,8 +207,12 @@ def main() -> None:
     tasks = [(name, condition, 0) for name in names for condition in TESTED]
     found: dict[tuple[str, str], list[Found]] = defaultdict(list)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn"), initializer=pipeline.preload) as pool:
-        for (name, condition, _), result in zip(tasks, pool.map(trial, *zip(*tasks, strict=True)), strict=True):
-            cells = ", ".join(f"{word} {each.first or 0:.2f} {each.of_eight or 0:.2f}" for word, each in result.items())
+        for (name, condition, _), result in zip(
+            tasks, pool.map(trial, *zip(*tasks, strict=True)), strict=True
+        ):
+            cells = ", ".join(
+                f"{word} {each.first or 0:.2f} {each.of_eight or 0:.2f}" for word, each in result.items()
+            )
             console.print(f"{name}, {condition}: {cells}", soft_wrap=True, highlight=False)
             for word, each in result.items():
                 found[condition, word].append(each)

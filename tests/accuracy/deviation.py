@@ -42,14 +42,20 @@ def main() -> None:
     one_segment = np.zeros(len(design.faces), dtype=np.int32)
     measured = deviation(scan, surface, found, one_segment, 0.1, DeviationSettings())
 
-    table = Table("what", "points", "seconds", title=f"Deviation: {len(scan.faces)} triangles on {len(design.faces)}")
+    table = Table(
+        "what", "points", "seconds", title=f"Deviation: {len(scan.faces)} triangles on {len(design.faces)}"
+    )
 
     def row(what: str, points: int, step: Callable[[], object]) -> None:
         table.add_row(what, str(points), f"{seconds(step):.2f}")
 
     n = len(scan.vertices)
     row("closest points and RMSEs", n, lambda: fit(scan, scan.weights(), surface, np.eye(4), inlier_mm))
-    row("signs and statistics", n, lambda: deviation(scan, surface, found, one_segment, 0.1, DeviationSettings()))
+    row(
+        "signs and statistics",
+        n,
+        lambda: deviation(scan, surface, found, one_segment, 0.1, DeviationSettings()),
+    )
     row(
         "the other direction, with its search tree",
         len(design.vertices),

@@ -148,7 +148,8 @@ def error(case: Case, T_design_scan: FloatArray) -> _Error | None:
         translation_share=rigid.rms_displacement(T_design_scan, truth, centroid) / size,
         rms_share=rms_share(T_design_scan),
         rms_true_share=rms_share(truth),
-        from_truth_share=rigid.rms_displacement(_icp_from(truth, case, points, surface), truth, points) / size,
+        from_truth_share=rigid.rms_displacement(_icp_from(truth, case, points, surface), truth, points)
+        / size,
     )
 
 
@@ -172,7 +173,10 @@ def _icp_from(truth: FloatArray, case: Case, points: FloatArray, surface: Surfac
 def run_cusp(case: Case, kept: Path | None = None) -> Row:
     """kept : folder with the analyses of designs, as a worker keeps them for the next scan; None makes each anew"""
     with tempfile.TemporaryDirectory() as folder:
-        design, scan = save(case.design, Path(folder) / "design.ply"), save(case.scan, Path(folder) / "scan.ply")
+        design, scan = (
+            save(case.design, Path(folder) / "design.ply"),
+            save(case.scan, Path(folder) / "scan.ply"),
+        )
         cache = None if kept is None else kept / f"{hashlib.sha256(design.read_bytes()).hexdigest()}.npz"
         clock = Clock()
         try:
@@ -241,7 +245,9 @@ def run_spec(spec: Spec, tools: tuple[str, ...], kept: Path | None) -> list[Row]
     try:
         case = gauntlet_cases.build(spec)
     except Exception as failed:
-        return [Row(spec.name, spec.group, tools[0], "not built", (), None, **NO_TIME, detail=repr(failed)[:300])]
+        return [
+            Row(spec.name, spec.group, tools[0], "not built", (), None, **NO_TIME, detail=repr(failed)[:300])
+        ]
     rows = []
     for tool in tools:
         try:
@@ -328,7 +334,10 @@ def run(
         except BrokenProcessPool:
             yield (
                 spec,
-                [Row(spec.name, spec.group, tool, "crashed", (), None, **NO_TIME, detail="died") for tool in tools],
+                [
+                    Row(spec.name, spec.group, tool, "crashed", (), None, **NO_TIME, detail="died")
+                    for tool in tools
+                ],
             )
 
 
@@ -355,7 +364,10 @@ def print_tables(rows: list[Row], console: Console) -> None:
     for words, chosen in (
         ("wrong but ok", [row for row in ours if row.wrong_but_ok]),
         ("another verdict than expected", [row for row in ours if row.unexpected and not row.wrong_but_ok]),
-        ("wrong pose", [row for row in ours if row.right is False and not row.unexpected and not row.wrong_but_ok]),
+        (
+            "wrong pose",
+            [row for row in ours if row.right is False and not row.unexpected and not row.wrong_but_ok],
+        ),
     ):
         console.print(f"\n{words}: {len(chosen)}")
         for row in chosen:
@@ -366,7 +378,15 @@ def print_tables(rows: list[Row], console: Console) -> None:
 
 def _quality(ours: list[Row], groups: list[str]) -> Table:
     made = Table(
-        *("group", "cases", "right pose", "expected verdict", "wrong but ok", "right called ok", "rotation, deg"),
+        *(
+            "group",
+            "cases",
+            "right pose",
+            "expected verdict",
+            "wrong but ok",
+            "right called ok",
+            "rotation, deg",
+        ),
         *("translation, %", "over ICP from truth", "seconds", "of CPU"),
         title="Cusp; median, 95 % of the errors of right poses and of the seconds",
     )
@@ -393,7 +413,9 @@ def _success(rows: list[Row], tools: list[str], groups: list[str]) -> Table:
     """Over the cases that every tool has run, so that the columns compare. A case for which all poses are wrong by their
     very data (`Case.drift`) counts against all. "+n refused": the right pose was found, and the verdict gave none; peers have
     no verdict."""
-    of = {tool: {row.case: row for row in rows if row.tool == tool and row.right is not None} for tool in tools}
+    of = {
+        tool: {row.case: row for row in rows if row.tool == tool and row.right is not None} for tool in tools
+    }
     common = set.intersection(*(set(cases) for cases in of.values()))
     made = Table("group", "cases", *tools, title="Right pose, same cases; every peer refined by the same ICP")
     for group in [*groups, "all"]:
@@ -406,7 +428,9 @@ def _success(rows: list[Row], tools: list[str], groups: list[str]) -> Table:
     if common:
         for words, what in (("median s", "seconds"), ("median s of CPU", "cpu_s")):
             made.add_row(
-                words, "", *(f"{np.median([getattr(of[t][case], what) for case in common]):.1f}" for t in tools)
+                words,
+                "",
+                *(f"{np.median([getattr(of[t][case], what) for case in common]):.1f}" for t in tools),
             )
     return made
 
@@ -438,7 +462,9 @@ def wanted(options: argparse.Namespace, console: Console) -> list[tuple[Spec, tu
         asked = set(options.groups.split(","))
         unknown = asked - {spec.group for spec in specs}
         if unknown:
-            raise SystemExit(f"no such group: {', '.join(unknown)}; there are {', '.join(gauntlet_cases.groups())}")
+            raise SystemExit(
+                f"no such group: {', '.join(unknown)}; there are {', '.join(gauntlet_cases.groups())}"
+            )
         specs = [spec for spec in specs if spec.group in asked]
     found, lines = peers.installed() if options.peers else ({}, [])
     for line in lines:
@@ -455,15 +481,23 @@ def measure_memory(todo: list[tuple[Spec, tuple[str, ...]]], log: Log) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=1, help="cases of each kind")
     parser.add_argument("--peers", action="store_true", help="run the others too")
     parser.add_argument("--groups", help="only these, with commas between")
     parser.add_argument("--limit", type=int, help="only so many cases, from the first")
-    parser.add_argument("--out", type=Path, help="a line of JSON a case and tool; what is in it is not run again")
-    parser.add_argument("--design-cache", type=Path, help="folder that keeps the analyses of designs, as a worker does")
+    parser.add_argument(
+        "--out", type=Path, help="a line of JSON a case and tool; what is in it is not run again"
+    )
+    parser.add_argument(
+        "--design-cache", type=Path, help="folder that keeps the analyses of designs, as a worker does"
+    )
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--table", type=Path, metavar="FILE", help="run nothing, print the tables of this file")
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE", help="run nothing, print the tables of this file"
+    )
     options = parser.parse_args()
     console = Console(width=WIDTH)
     if options.table:
@@ -485,7 +519,9 @@ def main() -> None:
                 off = "" if row.error_share is None else f", {100 * row.error_share:.2f} % off"
                 mark = " WRONG BUT OK" if row.wrong_but_ok else " unexpected" if row.unexpected else ""
                 words = f"{row.case}: {row.status}{off}, {row.seconds:.1f} s{mark}"
-                console.print(f"{number}/{len(missing)} {elapsed:.0f} s  {words}", soft_wrap=True, highlight=False)
+                console.print(
+                    f"{number}/{len(missing)} {elapsed:.0f} s  {words}", soft_wrap=True, highlight=False
+                )
     measure_memory(todo, log)
     asked = {spec.name for spec, _ in todo}
     print_tables([row for row in log.rows.values() if row.case in asked], console)

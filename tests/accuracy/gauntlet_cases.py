@@ -84,14 +84,21 @@ CONDITIONS = {
 DEPTH_CAMERA_TOLERANCE = 0.05
 
 ARCHES = tuple(
-    f"dental/{name}" for name in ("arch_001C.ply", "arch_012C.ply", "arch_013C.ply", "arch_022C.ply", "arch_h1.obj")
+    f"dental/{name}"
+    for name in ("arch_001C.ply", "arch_012C.ply", "arch_013C.ply", "arch_022C.ply", "arch_h1.obj")
 )
 MOLARS = tuple(f"dental/molar_{name}.obj" for name in ("B03", "D09", "H10"))
 TOOTH, CAST = "dental/ofj_tooth_19.stl", "dental/cast_lower_a.obj"
-SCANS = tuple(f"scans/{name}" for name in ("stanford_bunny.obj", "rocker_arm.obj", "fertility.off", "foot.stl"))
+SCANS = tuple(
+    f"scans/{name}" for name in ("stanford_bunny.obj", "rocker_arm.obj", "fertility.off", "foot.stl")
+)
 BASE, UPPER_ARM, NIST = "cad/so101_base.stl", "cad/so101_upper_arm.stl", "cad/nist_am_artifact.stl"
 FANDISK, FEATURETYPE, NUT = "cad/fandisk.obj", "cad/featuretype.stl", "cad/quality_nut.stl"
-MOUNTING_PLATE, PLATE_HOLES, BAR = "cad/so101_mounting_plate.stl", "cad/plate_holes.stl", "cad/tensile_blank.stl"
+MOUNTING_PLATE, PLATE_HOLES, BAR = (
+    "cad/so101_mounting_plate.stl",
+    "cad/plate_holes.stl",
+    "cad/tensile_blank.stl",
+)
 RING_TOP, CONE = "cad/ring_fixed_top.ply", "cad/lattice_cone.stl"
 PAIRS = ("pendulum", "separator", "square_peg")
 RACK_TEETH, RACK_PITCH_MM, GEAR_TEETH = 30, 3.0, 36
@@ -104,14 +111,26 @@ SYMMETRIC = (BAR, RING_TOP, CONE, *PAIR_CADS, "formula/n-fold ring")
 SYMMETRIC_TO_THE_MESH = (RING_TOP, CONE, BAR)  # or so plain that `ambiguous` is no fault
 MAY_REPEAT = (FANDISK, FEATURETYPE, BASE, UPPER_ARM, NIST, NUT, *NEARLY_SYMMETRIC, *SYMMETRIC)
 MIRRORABLE = (*ARCHES, *MOLARS, TOOTH, CAST, FANDISK, UPPER_ARM, "scans/rocker_arm.obj", "scans/foot.stl")
-HARDLY_MIRRORED = (NIST, "scans/fertility.off", ARCHES[0])  # from a rough scan their handedness can hardly be told
+HARDLY_MIRRORED = (
+    NIST,
+    "scans/fertility.off",
+    ARCHES[0],
+)  # from a rough scan their handedness can hardly be told
 IN_MM = (ARCHES[0], ARCHES[4], CAST, TOOTH, UPPER_ARM, NIST)  # where other units make sense
 STRANGERS = (
     *((BASE, UPPER_ARM), (UPPER_ARM, BASE), (FANDISK, FEATURETYPE), (NIST, MOUNTING_PLATE), (NUT, FANDISK)),
-    *((MOLARS[0], MOLARS[1]), (MOLARS[2], MOLARS[0]), (TOOTH, MOLARS[1]), (ARCHES[0], CAST), (SCANS[0], SCANS[2])),
+    *(
+        (MOLARS[0], MOLARS[1]),
+        (MOLARS[2], MOLARS[0]),
+        (TOOTH, MOLARS[1]),
+        (ARCHES[0], CAST),
+        (SCANS[0], SCANS[2]),
+    ),
     *((PAIR_CADS[0], PAIR_CADS[1]), ("formula/blob", SCANS[3])),
 )
-PATIENTS = tuple((ARCHES[i], ARCHES[j]) for i, j in ((0, 1), (0, 3), (3, 0), (1, 2), (2, 4), (4, 3), (3, 2), (4, 0)))
+PATIENTS = tuple(
+    (ARCHES[i], ARCHES[j]) for i, j in ((0, 1), (0, 3), (3, 0), (1, 2), (2, 4), (4, 3), (3, 2), (4, 0))
+)
 IN_PIECES = 3  # every so manieth other patient's arch is cropped by 30 %
 
 ALL_TOLD = 0.0003  # what another pose leaves below this, no scan can tell
@@ -201,7 +220,11 @@ def specs(seeds: int) -> list[Spec]:
     found = [spec for seed in range(seeds) for spec in _of_seed(seed)]
     if data_folder() is not None:
         return found
-    return [spec for spec in found if all(name.startswith("formula/") for name in (spec.shape, spec.scanned) if name)]
+    return [
+        spec
+        for spec in found
+        if all(name.startswith("formula/") for name in (spec.shape, spec.scanned) if name)
+    ]
 
 
 def groups() -> list[str]:
@@ -303,13 +326,17 @@ def printed(part: Mesh, size_mm: float, condition: Condition, rng: np.random.Gen
     settings = ResampleSettings(target_vertices=wanted, iterations=4)
     copy = resample(part, "scan", working_edge_mm(area, wanted), settings).mesh
     wave = rng.normal(size=(3, 3)) * 1.4 * np.pi / size_mm
-    warp = np.sin((copy.vertices - copy.vertices.mean(axis=0)) @ wave.T) * condition.warp * size_mm / np.sqrt(3)
+    warp = (
+        np.sin((copy.vertices - copy.vertices.mean(axis=0)) @ wave.T) * condition.warp * size_mm / np.sqrt(3)
+    )
     noise = rng.normal(0, condition.noise * size_mm, len(copy.vertices))[:, None] * copy.vertex_normals()
     along = copy.vertices @ rng.normal(size=3)
     faces = copy.faces[(along >= np.quantile(along, condition.crop))[copy.faces].all(axis=1)]
     in_place = clean(Mesh(copy.vertices + warp + noise, faces), "scan", CleanSettings()).mesh
     T_scan_design = shapes.motion(int(rng.integers(2**31)), translation_mm=size_mm)
-    return Printed(in_place.moved(T_scan_design), rigid.inverse(T_scan_design), Mesh(copy.vertices, faces), in_place)
+    return Printed(
+        in_place.moved(T_scan_design), rigid.inverse(T_scan_design), Mesh(copy.vertices, faces), in_place
+    )
 
 
 def _rng(spec: Spec) -> np.random.Generator:
@@ -335,7 +362,9 @@ def _printed(spec: Spec) -> Case:
         statuses |= {"ambiguous"}
     rivals: list[FloatArray] = []
     for rival in symmetries.rivals(made.kept, design, maps) if len(maps) > len(exact) else []:
-        if any(rigid.rms_displacement(rival.T, T, made.kept.vertices) < 0.02 * design.diagonal_mm for T in exact):
+        if any(
+            rigid.rms_displacement(rival.T, T, made.kept.vertices) < 0.02 * design.diagonal_mm for T in exact
+        ):
             continue
         if rival.rms <= max(TELLING, 1.5 * condition.warp):
             statuses |= {"ambiguous"}
@@ -370,7 +399,9 @@ def _fine_pitch(spec: Spec) -> Case:
         if rms <= ALL_TOLD and condition.noise > 0:
             statuses -= {"ok"}
             rivals.append(T @ made.T_design_scan)
-    return replace(case, truths=(made.T_design_scan,), expected=frozenset(statuses), rivals=tuple(rivals), drift=None)
+    return replace(
+        case, truths=(made.T_design_scan,), expected=frozenset(statuses), rivals=tuple(rivals), drift=None
+    )
 
 
 def _steps(shape: str) -> list[FloatArray]:
@@ -397,7 +428,9 @@ def moving_changes(kept: Mesh) -> float:
     arm = samples.points - samples.points.mean(axis=0)
     arm /= np.sqrt((arm**2).sum(axis=1).mean())
     J = np.concatenate([np.cross(arm, samples.normals), samples.normals], axis=1)
-    moves = np.concatenate([np.cross(np.eye(3)[None], arm[:, None]), np.tile(np.eye(3), (len(arm), 1, 1))], axis=1)
+    moves = np.concatenate(
+        [np.cross(np.eye(3)[None], arm[:, None]), np.tile(np.eye(3), (len(arm), 1, 1))], axis=1
+    )
     shown, moved = J.T @ J, np.einsum("kid,kjd->ij", moves, moves)
     return float(np.sqrt(max(eigh(shown, moved, eigvals_only=True)[0], 0.0)))
 

@@ -31,7 +31,14 @@ SOURCES, SOURCES_OF_LARGE = 3, 2
 LARGE = 50_000  # vertices; libigl takes minutes there and is left out
 QUANTILE = 0.02
 NEIGHBOURS = 100
-GROWTH_ACROSS = (50, 71, 100, 141, 200, 283)  # of a torus with twice as many around: n = 2 across^2, 5k to 160k
+GROWTH_ACROSS = (
+    50,
+    71,
+    100,
+    141,
+    200,
+    283,
+)  # of a torus with twice as many around: n = 2 across^2, 5k to 160k
 RUNS_UP_TO = 25_000  # vertices for which growth is the median of three runs, not one
 SLACK = 1e-9
 
@@ -76,7 +83,10 @@ def meshes() -> Iterator[tuple[str, Mesh]]:
     bunny = read(data / "scans" / "stanford_bunny.obj")
     for wanted in (20_000, 80_000):
         edge_mm = working_edge_mm(float(bunny.face_areas_mm2().sum()), wanted)
-        yield f"bunny, {wanted // 1000}k", clean(remesh.isotropic(bunny, edge_mm, 3), "mesh", CleanSettings()).mesh
+        yield (
+            f"bunny, {wanted // 1000}k",
+            clean(remesh.isotropic(bunny, edge_mm, 3), "mesh", CleanSettings()).mesh,
+        )
 
 
 def libraries(mesh: Mesh) -> Iterator[tuple[str, Callable[[], Callable[[int], FloatArray]]]]:
@@ -125,7 +135,18 @@ def side_by_side(console: Console) -> None:
         title=f"One full source: medians of {SOURCES} ({SOURCES_OF_LARGE} at 80k); error against pygeodesic over the same",
     )
     cfsfdp = Table(
-        *("mesh", "n", "d_c mm", "build", "d_c, rho", "delta", "peaks", "labels", "all of it", "halo as well"),
+        *(
+            "mesh",
+            "n",
+            "d_c mm",
+            "build",
+            "d_c, rho",
+            "delta",
+            "peaks",
+            "labels",
+            "all of it",
+            "halo as well",
+        ),
         *("all pairs s", "ratio", "ratio in CPU s"),
         title=f"Everything of CFSFDP, q = {QUANTILE}: wall (CPU) seconds, medians of 3; "
         f"all pairs: pygeodesic, from {SOURCES} sources. Must reach on the arch: <= 1 s, >= 300x",
@@ -137,7 +158,9 @@ def side_by_side(console: Console) -> None:
         for library, build in libraries(mesh):
             built, ask = timed(build)
             answers = [timed(lambda ask=ask, source=source: ask(int(source))) for source in sources]
-            rows.append((library, built, median([cost for cost, _ in answers]), np.stack([d for _, d in answers])))
+            rows.append(
+                (library, built, median([cost for cost, _ in answers]), np.stack([d for _, d in answers]))
+            )
             console.print(f"{name}: {n} vertices, {library}: {rows[-1][2]} s a source")
         exact, ours = rows[0], rows[1]
         usable = np.isfinite(exact[3]) & (exact[3] > 0) & (exact[3] < 1e100) & np.isfinite(ours[3])
@@ -210,7 +233,11 @@ def bumpy_torus(across: int) -> Mesh:
     torus = shapes.torus(20.0, 8.0, 2 * across, across)
     u, v = np.divmod(np.arange(len(torus.vertices)), across)
     u, v = u * np.pi / across, v * 2 * np.pi / across
-    height = 0.5 * np.sin(3 * u + 1) * np.cos(2 * v) + 0.4 * np.sin(7 * u + 3 * v) + 0.25 * np.cos(11 * u - 5 * v + 2)
+    height = (
+        0.5 * np.sin(3 * u + 1) * np.cos(2 * v)
+        + 0.4 * np.sin(7 * u + 3 * v)
+        + 0.25 * np.cos(11 * u - 5 * v + 2)
+    )
     ring = 20.0 + (8.0 + height) * np.cos(v)
     vertices = np.stack([ring * np.cos(u), ring * np.sin(u), (8.0 + height) * np.sin(v)], axis=1)
     return Mesh(vertices, torus.faces)
@@ -218,7 +245,9 @@ def bumpy_torus(across: int) -> Mesh:
 
 def peak_rss_mib() -> float:
     """Of this process since it was exec'd; `ru_maxrss` would remember the memory of the process that started it."""
-    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+    (line,) = (
+        line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")
+    )
     return int(line.split()[1]) / 1024
 
 
@@ -236,7 +265,9 @@ def grow(across: int) -> dict[str, Any]:
     uphill, delta = solver.nearest_denser(rho)
     roots = np.flatnonzero(uphill < 0)
     far = (uphill >= 0) & (delta > 3 * d_c)
-    climb = [timed(lambda: searches(solver, rho, np.flatnonzero((uphill >= 0) & ~far)))[0] for _ in range(runs)]
+    climb = [
+        timed(lambda: searches(solver, rho, np.flatnonzero((uphill >= 0) & ~far)))[0] for _ in range(runs)
+    ]
     peaks = [timed(lambda: searches(solver, rho, np.flatnonzero(far)))[0] for _ in range(runs)]
     root = [timed(lambda: solver.distances(roots).max())[0] for _ in range(runs)]
     costs = {"balls": median([cost for cost, _ in balls]), "climb": median(climb)}
@@ -277,7 +308,12 @@ def growth(console: Console) -> None:
         wall, cpu = (cost["balls"].wall_s + cost["climb"].wall_s), (cost["balls"].cpu_s + cost["climb"].cpu_s)
         table.add_row(
             *(str(row["n"]), f"{row['neighbours']:.1f}", f"{row['d_c']:.3f}", str(row["runs"])),
-            *(str(cost["balls"]), str(cost["climb"]), f"{1e6 * wall / row['n']:.0f}", f"{1e6 * cpu / row['n']:.0f}"),
+            *(
+                str(cost["balls"]),
+                str(cost["climb"]),
+                f"{1e6 * wall / row['n']:.0f}",
+                f"{1e6 * cpu / row['n']:.0f}",
+            ),
             *(str(cost["peaks"]), str(row["n_peaks"]), str(cost["root"])),
             *(f"{row[moment]:.0f}" for moment in ("before", "at_balls", "at_end")),
         )

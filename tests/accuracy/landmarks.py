@@ -47,7 +47,9 @@ TRIALS = 2
 
 def of_shape(path: Path) -> list[RepeatabilityRow]:
     mesh = read(path)
-    study = StudySettings(kind="repeatability", trials=TRIALS, noise_mm=0.001 * mesh.diagonal_mm, detectors=DETECTORS)
+    study = StudySettings(
+        kind="repeatability", trials=TRIALS, noise_mm=0.001 * mesh.diagonal_mm, detectors=DETECTORS
+    )
     _, trials = repeatability(mesh, Settings(study=study), 0, lambda _share, _what: None)
     return rows(trials, mesh.diagonal_mm)
 
@@ -67,14 +69,18 @@ def repeatabilities(console: Console, data: Path) -> None:
                 table.add_row(shape, *_cells(of_detector, "mean"))
             means = [np.mean([each[d].mean for each in table_rows.values()]) for d in DETECTORS]
             chance = np.mean([row.chance for each in table_rows.values() for row in each.values()])
-            table.add_row(title, *(f"{mean:.3f}" for mean in means), f"{chance:.2f}", style="bold", end_section=True)
+            table.add_row(
+                title, *(f"{mean:.3f}" for mean in means), f"{chance:.2f}", style="bold", end_section=True
+            )
         console.print(table)
         poses = Table(
             *("", *DETECTORS),
             title=f"From the detector's points alone, {words}: trials with a pose within 1 %, all shapes",
         )
         of_all = [_of(its_rows, crop) for its_rows in found.values()]
-        poses.add_row("right", *(f"{np.mean([each[d].pose_right for each in of_all]):.0%}" for d in DETECTORS))
+        poses.add_row(
+            "right", *(f"{np.mean([each[d].pose_right for each in of_all]):.0%}" for d in DETECTORS)
+        )
         console.print(poses)
 
 
@@ -90,7 +96,15 @@ def _cells(of_detector: dict[Detector, RepeatabilityRow], what: str) -> list[str
 def teeth(console: Console, data: Path) -> None:
     """Landmarks by tooth, and the bias of curvature maxima that the paper argues from: with as many points as T^2."""
     table = Table(
-        *("arch", "detector", "landmarks", "teeth with one", "on gum", "a molar or premolar", "a canine or incisor"),
+        *(
+            "arch",
+            "detector",
+            "landmarks",
+            "teeth with one",
+            "on gum",
+            "a molar or premolar",
+            "a canine or incisor",
+        ),
         *("least border distance, radii", "seconds"),
         title="Landmarks on labelled teeth; teeth 5 to 10 of each arch are canines and incisors",
     )
@@ -109,7 +123,11 @@ def teeth(console: Console, data: Path) -> None:
             positions = np.array([mark.position_mm for mark in found.landmarks.mesh])
             table.add_row(
                 *(arch, detector, str(len(positions)), f"{(on > 0).sum()} of {len(present)}", str(count[0])),
-                *(f"{on[~front].mean():.1f}", f"{on[front].mean():.1f}", f"{_border_radii(path, positions):.2f}"),
+                *(
+                    f"{on[~front].mean():.1f}",
+                    f"{on[front].mean():.1f}",
+                    f"{_border_radii(path, positions):.2f}",
+                ),
                 f"{seconds:.1f}",
             )
     console.print(table)
@@ -130,7 +148,9 @@ def informativeness(console: Console, mesh_path: Path, trials: int) -> None:
     paper = Settings.paper()
     start = time.perf_counter()
     pipeline.study(mesh_path, kind="informativeness", trials=trials, detectors=["t2"], settings=paper)
-    console.print(f"informativeness, {mesh_path.stem}, {trials} trials, t2: {time.perf_counter() - start:.0f} s")
+    console.print(
+        f"informativeness, {mesh_path.stem}, {trials} trials, t2: {time.perf_counter() - start:.0f} s"
+    )
     found = pipeline.study(mesh_path, kind="informativeness", trials=1000, settings=paper)
     table = Table(
         *("detector", "ICP", "points", "K > 1 + 1e-6", "ties", "K >= 10", "K > 1, ties counted", "median K"),

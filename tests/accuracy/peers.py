@@ -59,7 +59,10 @@ def ransac(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None:
 
     o3d.utility.random.seed(seed)
     pair, reg = _pair(design, scan, seed), o3d.pipelines.registration
-    (target, target_features), (source, source_features) = _described(pair.design, pair), _described(pair.scan, pair)
+    (target, target_features), (source, source_features) = (
+        _described(pair.design, pair),
+        _described(pair.scan, pair),
+    )
     reach = 1.5 * pair.voxel_mm
     found = reg.registration_ransac_based_on_feature_matching(
         *(source, target, source_features, target_features, True, reach),
@@ -76,9 +79,14 @@ def fgr(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None:
 
     o3d.utility.random.seed(seed)
     pair, reg = _pair(design, scan, seed), o3d.pipelines.registration
-    (target, target_features), (source, source_features) = _described(pair.design, pair), _described(pair.scan, pair)
+    (target, target_features), (source, source_features) = (
+        _described(pair.design, pair),
+        _described(pair.scan, pair),
+    )
     option = reg.FastGlobalRegistrationOption(maximum_correspondence_distance=0.5 * pair.voxel_mm)
-    found = reg.registration_fgr_based_on_feature_matching(source, target, source_features, target_features, option)
+    found = reg.registration_fgr_based_on_feature_matching(
+        source, target, source_features, target_features, option
+    )
     return _refined(found.transformation, pair)
 
 
@@ -87,18 +95,24 @@ def kiss_matcher(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None:
 
     pair = _pair(design, scan, seed)
     scale = KISS_SIZE / pair.size_mm
-    config = kiss.KISSMatcherConfig(voxel_size=KISS_VOXEL_SHARE * KISS_SIZE, enable_noise_bound_clamping=False)
+    config = kiss.KISSMatcherConfig(
+        voxel_size=KISS_VOXEL_SHARE * KISS_SIZE, enable_noise_bound_clamping=False
+    )
     clouds = [(scale * np.asarray(side.points)).astype(np.float32) for side in (pair.scan, pair.design)]
     found = kiss.KISSMatcher(config).estimate(*clouds)
     if not found.valid:
         return None
-    return _refined(rigid.compose(np.asarray(found.rotation), np.asarray(found.translation).ravel() / scale), pair)
+    return _refined(
+        rigid.compose(np.asarray(found.rotation), np.asarray(found.translation).ravel() / scale), pair
+    )
 
 
 def trimesh_mesh_other(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None:
     part = trimesh.Trimesh(design.vertices, design.faces, process=False)
     if scan.is_cloud:
-        T = np.linalg.inv(trimesh.registration.mesh_other(part, scan.vertices, reflection=False, seed=seed)[0])
+        T = np.linalg.inv(
+            trimesh.registration.mesh_other(part, scan.vertices, reflection=False, seed=seed)[0]
+        )
     else:
         print_ = trimesh.Trimesh(scan.vertices, scan.faces, process=False)
         T = trimesh.registration.mesh_other(print_, part, reflection=False, seed=seed)[0]
@@ -107,7 +121,9 @@ def trimesh_mesh_other(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None
 
 def pca_flips(design: Mesh, scan: Mesh, seed: int) -> FloatArray | None:
     pair = _pair(design, scan, seed)
-    (target, target_mean), (source, source_mean) = (_axes(np.asarray(side.points)) for side in (pair.design, pair.scan))
+    (target, target_mean), (source, source_mean) = (
+        _axes(np.asarray(side.points)) for side in (pair.design, pair.scan)
+    )
     few, tried = pair.scan.voxel_down_sample(2 * pair.icp_voxel_mm), []
     for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)):
         R = target.T @ np.diag(signs) @ source
@@ -129,7 +145,9 @@ NEEDS = {"KISS-Matcher": "kiss_matcher", "trimesh mesh_other": "rtree"}
 def installed() -> tuple[dict[str, Peer], list[str]]:
     """The peers that are here, and a line for each that is not."""
     missing = [name for name, module in NEEDS.items() if find_spec(module) is None]
-    lines = [f"{name}: left out, {NEEDS[name]} is not installed (pip install -e '.[peers]')" for name in missing]
+    lines = [
+        f"{name}: left out, {NEEDS[name]} is not installed (pip install -e '.[peers]')" for name in missing
+    ]
     return {name: peer for name, peer in PEERS.items() if name not in missing}, lines
 
 

@@ -24,7 +24,9 @@ SIZE = (900, 700)
 GREY = np.array([0.78, 0.77, 0.74])
 
 
-def render(mesh: Mesh, colours: FloatArray, eye: FloatArray, target: FloatArray, up: FloatArray) -> FloatArray:
+def render(
+    mesh: Mesh, colours: FloatArray, eye: FloatArray, target: FloatArray, up: FloatArray
+) -> FloatArray:
     """(h, w, 4) picture by ray casting: vertex colours (n, 3), one light beside the camera, transparent behind."""
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
@@ -53,7 +55,9 @@ def column(path: Path, name: str) -> FloatArray:
         return np.array([float(row[name]) for row in csv.DictReader(stream)])
 
 
-def with_balls(mesh: Mesh, colours: FloatArray, points: FloatArray, radius_mm: float) -> tuple[Mesh, FloatArray]:
+def with_balls(
+    mesh: Mesh, colours: FloatArray, points: FloatArray, radius_mm: float
+) -> tuple[Mesh, FloatArray]:
     ball = trimesh.creation.icosphere(2, radius_mm)
     vertices, faces, painted = [mesh.vertices], [mesh.faces], [colours]
     for number, point in enumerate(points):
@@ -65,7 +69,9 @@ def with_balls(mesh: Mesh, colours: FloatArray, points: FloatArray, radius_mm: f
 
 def main(folder: Path, out: Path) -> None:
     result = json.loads((folder / "results.json").read_text())
-    design, scan, aligned = (read(folder / name) for name in ("design.clean.ply", "scan.clean.ply", "aligned.ply"))
+    design, scan, aligned = (
+        read(folder / name) for name in ("design.clean.ply", "scan.clean.ply", "aligned.ply")
+    )
     centre = design.vertices.mean(axis=0)
     up = np.array([0.0, 1.0, 0.35])
     eye = centre + np.array([0.0, -0.85, 1.15]) * 1.15 * design.diagonal_mm
@@ -83,7 +89,9 @@ def main(folder: Path, out: Path) -> None:
         [np.tile(GREY, (len(design.vertices), 1)), np.tile([0.35, 0.55, 0.85], (len(scan.vertices), 1))]
     )
     middle = (both.vertices.min(axis=0) + both.vertices.max(axis=0)) / 2
-    uploaded = render(both, colours, middle + (eye - centre) * both.diagonal_mm / design.diagonal_mm, middle, up)
+    uploaded = render(
+        both, colours, middle + (eye - centre) * both.diagonal_mm / design.diagonal_mm, middle, up
+    )
 
     surface = Surface(design)
     signed = surface.signed_distance(aligned.vertices, surface.closest(aligned.vertices))

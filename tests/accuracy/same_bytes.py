@@ -47,7 +47,9 @@ def run(design: Path, scan: Path, out: Path, threads: int, cores: str) -> dict[s
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--runs", type=int, default=20)
     options = parser.parse_args()
     pairs: dict[str, tuple[Mesh, Mesh]] = arches()

@@ -112,7 +112,9 @@ class _Piece:
 
     def distinct(self, poses: list[FloatArray]) -> list[SelfMap]:
         """The poses refined to the end on all points, each counted once, the best first."""
-        ends = [self.refined(T, iterations=40, reach=0.1) for T in self.apart_from_each_other(poses, APART / 2)]
+        ends = [
+            self.refined(T, iterations=40, reach=0.1) for T in self.apart_from_each_other(poses, APART / 2)
+        ]
         maps = sorted((SelfMap(T, *self.left(T)) for T in ends), key=lambda each: each.rms)
         distinct = self.apart_from_each_other([each.T for each in maps if each.rms < WORST], APART)
         return [each for each in maps if any(each.T is T for T in distinct)]

@@ -107,11 +107,17 @@ def leave_one_out(console: Console, truths: dict[Path, IndexArray]) -> None:
         held_out.append(scores[best])
         table.add_row(
             *(path.stem, *(f"{each.index:.2f}  {each.own}/{each.teeth}" for each in scores)),
-            *(f"{PROMINENCES[best]:g}", f"{scores[best].index:.3f}", f"{scores[best].own}/{scores[best].teeth}"),
+            *(
+                f"{PROMINENCES[best]:g}",
+                f"{scores[best].index:.3f}",
+                f"{scores[best].own}/{scores[best].teeth}",
+            ),
         )
     console.print(table)
     own, teeth = sum(each.own for each in held_out), sum(each.teeth for each in held_out)
-    console.print(f"held out: mean index {np.mean([each.index for each in held_out]):.3f}, own centres {own}/{teeth}")
+    console.print(
+        f"held out: mean index {np.mean([each.index for each in held_out]):.3f}, own centres {own}/{teeth}"
+    )
 
 
 def main() -> None:
@@ -124,7 +130,14 @@ def main() -> None:
     paths = [data / "dental" / f"{arch}.ply" for arch in ARCHES]
     truths = {path: tooth_of_vertex(path) for path in paths}
     table = Table(
-        *("settings", *(path.stem for path in paths), "mean index", "own centre", "segments", "seconds an arch"),
+        *(
+            "settings",
+            *(path.stem for path in paths),
+            "mean index",
+            "own centre",
+            "segments",
+            "seconds an arch",
+        ),
         title="Teeth: adjusted Rand index over tooth vertices, teeth with a centre of their own / teeth. "
         "Must reach: mean >= 0.80, own centres >= 90 %",
     )
@@ -138,7 +151,9 @@ def main() -> None:
             f"{np.median([each.seconds for each in scores]):.1f}",
         )
         arches = ", ".join(f"{each.index:.3f} {each.own}/{each.teeth}" for each in scores)
-        console.print(f"{name}: index {index:.3f}, own centres {own}/{teeth} ({arches}), {scores[0].seconds:.1f} s")
+        console.print(
+            f"{name}: index {index:.3f}, own centres {own}/{teeth} ({arches}), {scores[0].seconds:.1f} s"
+        )
     console.print(table)
     leave_one_out(console, truths)
 

@@ -68,7 +68,11 @@ def test_one_line_registers(running: RunningService, design: Path, scan: Path, t
     )
     result = job.result(timeout_s=90)
     assert isinstance(result, RegistrationResult)
-    assert result.verdict.status == "ok" and result.deviation is not None and result.deviation.tolerance_mm == 0.5
+    assert (
+        result.verdict.status == "ok"
+        and result.deviation is not None
+        and result.deviation.tolerance_mm == 0.5
+    )
     files = job.download(tmp_path / "out")
     assert {path.name for path in files} == {*result.files} and (
         tmp_path / "out" / "report.html"
@@ -85,7 +89,9 @@ def test_a_design_is_sent_once(running: RunningService, design: Path, scan: Path
     assert study.protocol.trials == 5
 
 
-def test_many_jobs_are_awaited_together(running: RunningService, design: Path, scan: Path, tmp_path: Path) -> None:
+def test_many_jobs_are_awaited_together(
+    running: RunningService, design: Path, scan: Path, tmp_path: Path
+) -> None:
     async def all_of_them() -> list[RegistrationResult]:
         async with AsyncClient(running.client.server) as cusp:
             blob = await cusp.put_blob(design)
@@ -102,7 +108,9 @@ def test_many_jobs_are_awaited_together(running: RunningService, design: Path, s
     assert (tmp_path / "results.json").exists()
 
 
-def test_an_answer_that_was_lost_starts_no_second_job(running: RunningService, design: Path, scan: Path) -> None:
+def test_an_answer_that_was_lost_starts_no_second_job(
+    running: RunningService, design: Path, scan: Path
+) -> None:
     with bad_line(running.port, ["lost", "busy", "lost"]) as address, Client(address) as client:
         job = client.register(design, scan, settings=SETTINGS, label="over a bad line")
         assert job.result(90).verdict.status == "ok"
@@ -120,11 +128,16 @@ def test_an_answer_that_was_lost_starts_no_second_job(running: RunningService, d
 
 
 def test_patience_ends(design: Path, scan: Path) -> None:
-    with Client("http://127.0.0.1:9", patience_s=0.5) as client, pytest.raises(ServiceUnreachable, match="cusp up"):
+    with (
+        Client("http://127.0.0.1:9", patience_s=0.5) as client,
+        pytest.raises(ServiceUnreachable, match="cusp up"),
+    ):
         client.register(design, scan)
 
 
-def test_a_wrong_option_and_a_dismissed_job_are_problems(running: RunningService, design: Path, scan: Path) -> None:
+def test_a_wrong_option_and_a_dismissed_job_are_problems(
+    running: RunningService, design: Path, scan: Path
+) -> None:
     with pytest.raises(ServiceProblem, match="invalid_options"):
         running.client.register(design, scan, settings={"segmentation": {"quantil": 1}})
     job = running.client.register(design, scan, settings=LONG["settings"])

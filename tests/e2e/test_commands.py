@@ -31,7 +31,9 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_register_needs_no_server_and_writes_what_the_service_writes(
     running: RunningService, design: Path, scan: Path, quick: Path, tmp_path: Path
 ) -> None:
-    here = cusp("register", design, scan, "--out", tmp_path / "here", "--settings", quick, "--tolerance-mm", 0.5)
+    here = cusp(
+        "register", design, scan, "--out", tmp_path / "here", "--settings", quick, "--tolerance-mm", 0.5
+    )
     assert here.returncode == 0, here.stderr
     assert "verdict: ok" in here.stdout
     there = cusp(
@@ -65,7 +67,10 @@ def test_landmarks_needs_no_server_and_writes_what_the_service_writes(
 
 def test_submit_counts_its_meshes(design: Path) -> None:
     done = cusp("submit", design)
-    assert (done.returncode, "a registration job takes 2 file(s) (design and scan), not 1" in done.stderr) == (1, True)
+    assert (
+        done.returncode,
+        "a registration job takes 2 file(s) (design and scan), not 1" in done.stderr,
+    ) == (1, True)
     done = cusp("submit", design, design, "--type", "study")
     assert (done.returncode, "a study job takes 1 file(s) (mesh), not 2" in done.stderr) == (1, True)
     done = cusp("submit", design, "--type", "guess")

@@ -68,7 +68,10 @@ def test_broken_meshes_are_refused_or_fail_with_a_reason_and_the_next_job_runs(
     jobs = [running.finish(job_id) for job_id in ids]
     failed = [job.error for job in jobs if job.status is not Status.SUCCESSFUL]
     assert len(ids) + len(refused) == MUTATED
-    assert all(problem is not None and problem.code in REASONS and problem.status < 500 for problem in failed + refused)
+    assert all(
+        problem is not None and problem.code in REASONS and problem.status < 500
+        for problem in failed + refused
+    )
     assert failed and len(failed) < len(jobs)
     running.successful(running.client.submit(design, scan, QUICK).id)
     assert (running.part("api").pid, running.part("worker").pid) == processes

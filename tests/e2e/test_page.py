@@ -78,9 +78,13 @@ class Watched:
         self.server = server
         self.complaints: list[str] = []
         self.hosts: set[str] = set()
-        self.page.on("console", lambda told: self.complaints.append(told.text) if told.type == "error" else None)
+        self.page.on(
+            "console", lambda told: self.complaints.append(told.text) if told.type == "error" else None
+        )
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda asked: self.hosts.add(asked.url.split("/")[2]) if "://" in asked.url else None)
+        self.page.on(
+            "request", lambda asked: self.hosts.add(asked.url.split("/")[2]) if "://" in asked.url else None
+        )
         self.page.goto(server)
 
     def open(self, job: Job) -> Page:
@@ -232,7 +236,9 @@ def test_alternatives_are_shown(watched: Watched, symmetric: Job) -> None:
     assert changed(pixels(page), final) > 0.0
 
 
-def test_the_pointer_asks_landmarks_and_surfaces(watched: Watched, registered: Job, running: RunningService) -> None:
+def test_the_pointer_asks_landmarks_and_surfaces(
+    watched: Watched, registered: Job, running: RunningService
+) -> None:
     page = watched.open(registered)
     without = pixels(page)
     found = results(running, registered.id)
@@ -257,7 +263,9 @@ def test_the_pointer_asks_landmarks_and_surfaces(watched: Watched, registered: J
     assert (landmark["segment"], landmark["t2"]) == (int(told[3]), pytest.approx(float(told[4]), rel=1e-3))
 
 
-def test_centres_are_chosen_in_the_decision_graph(watched: Watched, registered: Job, running: RunningService) -> None:
+def test_centres_are_chosen_in_the_decision_graph(
+    watched: Watched, registered: Job, running: RunningService
+) -> None:
     page = watched.open(registered)
     before = results(running, registered.id)
     centres = before["segments"]["design"]["centres"]
@@ -273,7 +281,9 @@ def test_centres_are_chosen_in_the_decision_graph(watched: Watched, registered: 
     page.mouse.click(disc["x"] + disc["width"] / 2, disc["y"] + disc["height"] / 2)
     assert changed(pixels(page), plain) > 0.0003  # a ring on the part
 
-    page.evaluate("document.querySelector('#rho-min').value = 0; document.querySelector('#delta-min').value = 0.001")
+    page.evaluate(
+        "document.querySelector('#rho-min').value = 0; document.querySelector('#delta-min').value = 0.001"
+    )
     page.locator("#n-centres").focus()
     page.keyboard.press("Shift+Tab")
     page.keyboard.press("ArrowUp")  # any input begins the choice
@@ -301,7 +311,9 @@ def test_centres_are_chosen_in_the_decision_graph(watched: Watched, registered: 
     assert after["provenance"]["inputs"] == before["provenance"]["inputs"]
     assert after["deviation"]["tolerance_mm"] == TOLERANCE_MM
     assert running.client.job(again).inputs == registered.inputs
-    assert after["segments"]["design"]["count"] >= would  # what the table of the file does not have may come to it
+    assert (
+        after["segments"]["design"]["count"] >= would
+    )  # what the table of the file does not have may come to it
     assert after["segments"]["design"]["count"] != len(centres) or would == len(centres)
     expect(page.locator("#warnings")).to_contain_text("chosen by hand")
     expect(page.locator("#plot .centre")).to_have_count(after["segments"]["design"]["count"])
@@ -333,7 +345,9 @@ def test_meshes_that_were_sent_before_are_used_again(
     expect(page.locator("#failed")).to_contain_text("dismissed", timeout=JOB_MS)
 
 
-def test_one_mesh_becomes_segments_and_landmarks(watched: Watched, design: Path, running: RunningService) -> None:
+def test_one_mesh_becomes_segments_and_landmarks(
+    watched: Watched, design: Path, running: RunningService
+) -> None:
     page = watched.page
     page.check("input[value=landmarks]")
     expect(page.locator(".slot[data-mesh=design]")).to_be_hidden()
@@ -355,12 +369,12 @@ def test_one_mesh_becomes_segments_and_landmarks(watched: Watched, design: Path,
 
 
 def test_a_study_is_shown(watched: Watched, design: Path, running: RunningService) -> None:
-    options = (
-        '{"study": {"trials": 20, "detectors": ["t2", "random"]}, "settings": {"resample": {"target_vertices": 400}}}'
-    )
+    options = '{"study": {"trials": 20, "detectors": ["t2", "random"]}, "settings": {"resample": {"target_vertices": 400}}}'
     files = {"mesh": ("part.stl", design.read_bytes())}
     given = {"type": "study", "options": options}
-    job = running.successful(httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"])
+    job = running.successful(
+        httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"]
+    )
     page = watched.open(job)
     found = results(running, job.id)
     expect(page.locator("#summary")).to_have_text(found["summary"])
@@ -370,7 +384,9 @@ def test_a_study_is_shown(watched: Watched, design: Path, running: RunningServic
     expect(page.locator("#graph")).to_be_hidden()
 
 
-def test_a_running_job_is_watched_and_cancelled(watched: Watched, design: Path, running: RunningService) -> None:
+def test_a_running_job_is_watched_and_cancelled(
+    watched: Watched, design: Path, running: RunningService
+) -> None:
     job = running.client.submit(design, design, {**LONG, "label": "too long"})
     page = watched.page
     page.goto(f"{watched.server}/#{job.id}")
@@ -402,7 +418,9 @@ def test_a_bad_file_is_refused_with_its_reason(watched: Watched, design: Path, t
     expect(page.locator("#refused")).to_contain_text("unknown_format")
     expect(page.locator("#refused")).to_have_attribute("role", "alert")
     assert "#" not in page.url  # still here
-    assert watched.complaints and all("415" in words for words in watched.complaints)  # the browser's own line
+    assert watched.complaints and all(
+        "415" in words for words in watched.complaints
+    )  # the browser's own line
     watched.complaints.clear()
 
 
@@ -424,10 +442,14 @@ def test_axe_finds_nothing_serious(watched: Watched, registered: Job, marked: Jo
     for job in (None, registered, marked):
         if job is not None:
             watched.open(job)
-            page.eval_on_selector_all("#result details", "all => all.forEach((each) => { each.open = true; })")
+            page.eval_on_selector_all(
+                "#result details", "all => all.forEach((each) => { each.open = true; })"
+            )
         found = Axe().run(page).response["violations"]
         serious = [
-            (each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")
+            (each["id"], each["nodes"][0]["html"])
+            for each in found
+            if each["impact"] in ("serious", "critical")
         ]
         assert serious == [], serious
 
@@ -462,7 +484,9 @@ def test_the_keyboard_alone_will_do(watched: Watched, registered: Job) -> None:
 
 
 def test_a_tablet_has_room_for_fingers(browser: Browser, running: RunningService, registered: Job) -> None:
-    context = browser.new_context(viewport={"width": 820, "height": 1180}, has_touch=True, reduced_motion="reduce")
+    context = browser.new_context(
+        viewport={"width": 820, "height": 1180}, has_touch=True, reduced_motion="reduce"
+    )
     watched = Watched(context, running.client.server)
     page = watched.page
     for job in (None, registered):

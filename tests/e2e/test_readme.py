@@ -27,7 +27,9 @@ def curl_blocks(text: str) -> list[str]:
     return [block for block in blocks if re.search(r"\bcurl\b", block)]
 
 
-def test_the_readmes_curl_lines_work(running: RunningService, design: Path, scan: Path, tmp_path: Path) -> None:
+def test_the_readmes_curl_lines_work(
+    running: RunningService, design: Path, scan: Path, tmp_path: Path
+) -> None:
     blocks = curl_blocks(README.read_text())
     assert blocks, "README.md has no ```sh block with curl"
     shutil.copy(design, tmp_path / "design.stl")
@@ -35,7 +37,13 @@ def test_the_readmes_curl_lines_work(running: RunningService, design: Path, scan
     script = "set -euxo pipefail\n" + "\n".join(blocks).replace(DEFAULT_ADDRESS, running.client.server)
     environment = {**os.environ, "NO_PROXY": "*", "no_proxy": "*"}
     done = subprocess.run(
-        ["bash", "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=110, check=False
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "application/problem+json" not in done.stdout
@@ -75,7 +83,10 @@ def test_the_readmes_webhook_receiver_works(design: Path, tmp_path: Path) -> Non
         environment = {**os.environ, "CUSP_WEBHOOK_SECRET": told.stdout.strip(), "PORT": str(port)}
         with (tmp_path / "heard").open("w") as heard:
             receiver = subprocess.Popen(
-                [sys.executable, "-c", python_block("HTTPServer")], env=environment, stdout=heard, stderr=heard
+                [sys.executable, "-c", python_block("HTTPServer")],
+                env=environment,
+                stdout=heard,
+                stderr=heard,
             )
         try:
             job = service.client.landmarks(

@@ -60,7 +60,9 @@ def test_a_killed_workers_job_is_finished_by_another_within_30_s(
     scaled.replace(victim)
 
 
-def test_a_stopped_workers_job_goes_to_another_at_once(scaled: ScaledService, design: Path, scan: Path) -> None:
+def test_a_stopped_workers_job_goes_to_another_at_once(
+    scaled: ScaledService, design: Path, scan: Path
+) -> None:
     job_id = scaled.client.submit(design, scan, SLOWER).id
     victim = scaled.busy()
     victim.terminate()

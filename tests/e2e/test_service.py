@@ -20,7 +20,9 @@ from tests.support.running import LONG, QUICK, RunningService, downloaded, is_al
 pytestmark = pytest.mark.e2e
 
 
-def test_a_scan_is_registered_to_its_design(running: RunningService, design: Path, scan: Path, tmp_path: Path) -> None:
+def test_a_scan_is_registered_to_its_design(
+    running: RunningService, design: Path, scan: Path, tmp_path: Path
+) -> None:
     job = running.client.submit(design, scan, {**QUICK, "tolerance_mm": 0.5, "label": "e2e"})
     assert job.status is Status.ACCEPTED
     seen = []
@@ -31,7 +33,9 @@ def test_a_scan_is_registered_to_its_design(running: RunningService, design: Pat
     assert results.verdict.status == "ok"
     assert results.transform is not None
     c, s = math.cos(math.radians(TURN_DEG)), math.sin(math.radians(TURN_DEG))
-    T_scan_design = np.array([[c, -s, 0, SHIFT_MM[0]], [s, c, 0, SHIFT_MM[1]], [0, 0, 1, SHIFT_MM[2]], [0, 0, 0, 1]])
+    T_scan_design = np.array(
+        [[c, -s, 0, SHIFT_MM[0]], [s, c, 0, SHIFT_MM[1]], [0, 0, 1, SHIFT_MM[2]], [0, 0, 0, 1]]
+    )
     off = np.array(results.transform.matrix) @ T_scan_design
     assert np.allclose(off[:3, :3], np.eye(3), atol=0.02)
     assert np.abs(off[:3, 3]).max() < 0.4  # 1 % of the diagonal; two coarse triangulations of one shape
@@ -65,7 +69,9 @@ def test_landmarks_of_one_mesh(running: RunningService, design: Path, tmp_path: 
 def test_a_study_of_one_mesh(running: RunningService, design: Path, tmp_path: Path) -> None:
     job = running.client.submit(design, options=STUDY, job_type="study")
     seen: list[tuple[Stage | None, float]] = []
-    running.client.wait(job.id, lambda now: seen.append((now.stage, now.progress)), interval_s=0.02, timeout_s=90)
+    running.client.wait(
+        job.id, lambda now: seen.append((now.stage, now.progress)), interval_s=0.02, timeout_s=90
+    )
     assert running.successful(job.id).type == "study"
     assert [progress for _, progress in seen] == sorted(progress for _, progress in seen)
     results = pipeline.StudyResult.model_validate(running.client.results(job.id))
@@ -102,7 +108,9 @@ def test_a_mesh_that_only_the_parser_can_refuse_fails_its_job(
     assert refusal.value.problem == job.error
 
 
-def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(running: RunningService, design: Path, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(
+    running: RunningService, design: Path, tmp_path: Path
+) -> None:
     bad = tmp_path / "bomb.stl"
     bad.write_bytes(b"x".ljust(80) + struct.pack("<I", 2**32 - 1) + b"\0" * 500)
     with pytest.raises(ServiceProblem, match="scan: the STL header announces 4294967295 triangles"):
@@ -110,11 +118,15 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(running: RunningService
 
 
 def test_the_process_that_jobs_are_forked_from_has_one_thread(running: RunningService) -> None:
-    (zygote,) = [each for each in running.part("worker").children() if "service.execution.zygote" in each.cmdline()]
+    (zygote,) = [
+        each for each in running.part("worker").children() if "service.execution.zygote" in each.cmdline()
+    ]
     assert zygote.num_threads() == 1
 
 
-def test_a_running_job_is_cancelled_within_three_seconds(running: RunningService, design: Path, scan: Path) -> None:
+def test_a_running_job_is_cancelled_within_three_seconds(
+    running: RunningService, design: Path, scan: Path
+) -> None:
     job = running.client.submit(design, scan, LONG)
     process = running.running(job.id)
     begun = time.monotonic()
@@ -134,7 +146,9 @@ def test_a_segfault_fails_its_job_and_nothing_else(running: RunningService, desi
     running.successful(second.id)
 
 
-def test_a_dead_worker_is_replaced_and_its_job_runs_again(running: RunningService, design: Path, scan: Path) -> None:
+def test_a_dead_worker_is_replaced_and_its_job_runs_again(
+    running: RunningService, design: Path, scan: Path
+) -> None:
     job = running.client.submit(design, scan, {**QUICK, "settings": {"resample": {"target_vertices": 3000}}})
     process = running.running(job.id)
     running.part("worker").kill()

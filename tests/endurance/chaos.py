@@ -109,8 +109,12 @@ class Scaled(Victim):
     def kill(self, what: str, draw: random.Random) -> None:
         service = self._scaled
         numbers = range(len(service.workers))
-        workers = [draw.choice(numbers)] if what == "worker" else list(numbers) if what == "everything" else []
-        victims = [service.workers[number] for number in workers] + ([service.api] if what != "worker" else [])
+        workers = (
+            [draw.choice(numbers)] if what == "worker" else list(numbers) if what == "everything" else []
+        )
+        victims = [service.workers[number] for number in workers] + (
+            [service.api] if what != "worker" else []
+        )
         for victim in victims:
             victim.kill()
         for victim in victims:
@@ -247,7 +251,9 @@ def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--jobs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kills", type=int, default=20, help="at most so many")
@@ -259,7 +265,10 @@ def main() -> None:
     for what in found[0]:
         table.add_row(what, *(str(each[what]) for each in found))
     Console().print(table)
-    if any(each["lost"] or each["twice"] or each["every file with its digest"] != each["successful"] for each in found):
+    if any(
+        each["lost"] or each["twice"] or each["every file with its digest"] != each["successful"]
+        for each in found
+    ):
         raise SystemExit("jobs were lost, or done twice, or their files are not what they were")
 
 

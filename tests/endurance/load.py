@@ -74,7 +74,8 @@ def polling(service: RunningService, design: Path, scan: Path, rate: float, seco
     latencies = np.array(asyncio.run(poll(service.port, f"/v1/jobs/{ids[0]}", rate, seconds)))
     took = time.perf_counter() - begun
     shares = {
-        name: (sum(sum(each.cpu_times()[:2]) for each in group) - before[name]) / took for name, group in parts.items()
+        name: (sum(sum(each.cpu_times()[:2]) for each in group) - before[name]) / took
+        for name, group in parts.items()
     }
     assert all(service.client.job(each).status is Status.RUNNING for each in ids), "the jobs ended too early"
     for each in ids:
@@ -222,7 +223,9 @@ def queue(service: RunningService, design: Path, scan: Path, count: int) -> dict
 def small_mesh() -> bytes:
     mesh = icosphere(10.0, 2)
     corners = (mesh.vertices * [1.0, 0.8, 0.6])[mesh.faces].astype("<f4")
-    records = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    records = np.zeros(
+        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")]
+    )
     records["corners"] = corners
     return b"\0" * 80 + struct.pack("<I", len(corners)) + records.tobytes()
 
@@ -253,11 +256,15 @@ def overhead(service: RunningService, design: Path, scan: Path) -> dict[str, str
         took = time.perf_counter() - begun
         timings = service.client.results(job_id)["timings_s"]
         over.append(took - sum(value for value in timings.values() if value))
-    return {"overhead of a job, median of 10": f"{1000 * float(np.median(over)):.0f} ms (most {1000 * max(over):.0f})"}
+    return {
+        "overhead of a job, median of 10": f"{1000 * float(np.median(over)):.0f} ms (most {1000 * max(over):.0f})"
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rate", type=float, default=300)
     parser.add_argument("--seconds", type=float, default=30)
     parser.add_argument("--mib", type=int, default=300)
@@ -270,7 +277,9 @@ def main() -> None:
         design, scan = folder / "design.stl", folder / "scan.stl"
         design.write_bytes(blob_stl())
         scan.write_bytes(blob_stl(23, 37, turn_deg=25.0, shift_mm=(4.0, -3.0, 2.0)))
-        service = RunningService(folder / "data", CUSP_JOBS="2", CUSP_LOG_LEVEL="warning", CUSP_RATE_LIMIT_PER_S="0")
+        service = RunningService(
+            folder / "data", CUSP_JOBS="2", CUSP_LOG_LEVEL="warning", CUSP_RATE_LIMIT_PER_S="0"
+        )
         steps: dict[str, Callable[[], dict[str, str]]] = {
             "overhead": lambda: overhead(service, design, scan),
             "upload": lambda: upload(service, folder, options.mib),

@@ -106,7 +106,12 @@ def _works(*words: str) -> bool:
 def start(engine: Engine, port: int) -> None:
     """As the compose file does, but on the host's network: it needs no privilege to set one up."""
     hardened = ["--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges"]
-    where = ["--network=host", f"--env=CUSP_PORT={port}", "--env=CUSP_HOST=127.0.0.1", f"--volume={VOLUME}:/data"]
+    where = [
+        "--network=host",
+        f"--env=CUSP_PORT={port}",
+        "--env=CUSP_HOST=127.0.0.1",
+        f"--volume={VOLUME}:/data",
+    ]
     engine.run("run", "--detach", "--name", CONTAINER, *engine.no_timer, *hardened, *where, IMAGE)
 
 
@@ -116,7 +121,9 @@ def wait_ready(engine: Engine, client: Client) -> float:
     while not client.is_ready():
         running = engine.run("inspect", "--format", "{{.State.Running}}", CONTAINER) == "true"
         if not running or time.monotonic() - begun > STARTS_WITHIN_S:
-            raise SystemExit(f"the container does not get ready:\n{engine.run('logs', CONTAINER, check=False)}")
+            raise SystemExit(
+                f"the container does not get ready:\n{engine.run('logs', CONTAINER, check=False)}"
+            )
         time.sleep(0.1)
     return time.monotonic() - begun
 
@@ -141,7 +148,8 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
     _expect({line.split()[1] for line in users} == {"10001"}, f"other users: {users}")
     _expect(engine.run("exec", CONTAINER, "id", "-u") == "10001", "another user")
     _expect(
-        not _works(engine.command, "exec", CONTAINER, "sh", "-c", "touch /opt/x 2>/dev/null"), "the root can be written"
+        not _works(engine.command, "exec", CONTAINER, "sh", "-c", "touch /opt/x 2>/dev/null"),
+        "the root can be written",
     )
     seen["user"] = "10001 in every process; root file system read-only"
     (image,) = json.loads(engine.run("image", "inspect", IMAGE))
@@ -152,7 +160,16 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
 
     for path in ("/", "/web/app.js", "/web/vendor/three/three.module.js"):
         _expect(httpx.get(client.server + path).status_code == 200, f"no {path} in the image")
-    demo = [sys.executable, "-m", "service.cli.main", "demo", "--server", client.server, "--out", str(folder / "demo")]
+    demo = [
+        sys.executable,
+        "-m",
+        "service.cli.main",
+        "demo",
+        "--server",
+        client.server,
+        "--out",
+        str(folder / "demo"),
+    ]
     told = subprocess.run(demo, capture_output=True, text=True)
     found = re.search(r"/v1/jobs/([0-9a-f-]{36})/results", told.stdout)
     if told.returncode != 0 or found is None:
@@ -182,7 +199,9 @@ def _expect(is_true: bool, words: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--base", help="base image instead of the Dockerfile's or debootstrap's")
     parser.add_argument("--skip-build", action="store_true", help="test the image that is there")
     options = parser.parse_args()

@@ -19,7 +19,9 @@ def test_elsewhere_is_unless_it_is_meant(host: str) -> None:
 
 
 def test_a_child_process_gets_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    given = ServiceSettings(data_dir=tmp_path, port=0, jobs=3, job_time_limit_s=1.5, allow_open=True, log_level="debug")
+    given = ServiceSettings(
+        data_dir=tmp_path, port=0, jobs=3, job_time_limit_s=1.5, allow_open=True, log_level="debug"
+    )
     for name, value in given.environment().items():
         monkeypatch.setenv(name, value)
     assert ServiceSettings() == given

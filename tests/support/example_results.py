@@ -23,7 +23,9 @@ def main() -> None:
         results = (
             pipeline.register(design, scan, tolerance_mm=0.2, out=out / "registration"),
             pipeline.find_landmarks(design, out=out / "landmarks"),
-            pipeline.study(design, settings=turned, trials=100, detectors=("t2", "iss", "random"), out=out / "study"),
+            pipeline.study(
+                design, settings=turned, trials=100, detectors=("t2", "iss", "random"), out=out / "study"
+            ),
         )
     for result in results:
         (EXAMPLES / f"results.{result.type}.json").write_text(result.model_dump_json(indent=1) + "\n")

@@ -58,7 +58,9 @@ OTHERS: dict[str, list[Any]] = {
         }
     ],
     "Scale": [{"unit_factor": 25.4}],
-    "Finding": [{"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}],
+    "Finding": [
+        {"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}
+    ],
     "Note": [{"code": "point_cloud", "detail": "scan: points without triangles; they weigh the same each"}],
     "ProblemItem": [{"pointer": "/options/settings/segmentation/quantil", "detail": "unknown key"}],
     "Alternative": [

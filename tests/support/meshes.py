@@ -7,7 +7,9 @@ from collections.abc import Sequence
 Point = tuple[float, float, float]
 
 
-def blob_stl(rows: int = 20, columns: int = 40, *, turn_deg: float = 0.0, shift_mm: Point = (0.0, 0.0, 0.0)) -> bytes:
+def blob_stl(
+    rows: int = 20, columns: int = 40, *, turn_deg: float = 0.0, shift_mm: Point = (0.0, 0.0, 0.0)
+) -> bytes:
     """Binary STL of a closed bumpy blob about 40 mm across with rows * columns vertices, outward faces, no symmetry.
 
     `turn_deg` about the z axis, then `shift_mm`.
@@ -20,7 +22,12 @@ def blob_stl(rows: int = 20, columns: int = 40, *, turn_deg: float = 0.0, shift_
         faces.append((north, points[0][column], points[0][after]))
         faces.append((south, points[-1][after], points[-1][column]))
         for row in range(rows - 1):
-            a, b, c, d = points[row][column], points[row][after], points[row + 1][column], points[row + 1][after]
+            a, b, c, d = (
+                points[row][column],
+                points[row][after],
+                points[row + 1][column],
+                points[row + 1][after],
+            )
             faces += [(a, c, d), (a, d, b)]
     moved = [[_moved(point, math.radians(turn_deg), shift_mm) for point in face] for face in faces]
     return stl(moved)
@@ -29,7 +36,8 @@ def blob_stl(rows: int = 20, columns: int = 40, *, turn_deg: float = 0.0, shift_
 def stl(faces: Sequence[Sequence[Point]]) -> bytes:
     """Binary STL of triangles; normals are left zero, as many programs do."""
     body = b"".join(
-        struct.pack("<12fH", 0.0, 0.0, 0.0, *(value for point in face for value in point), 0) for face in faces
+        struct.pack("<12fH", 0.0, 0.0, 0.0, *(value for point in face for value in point), 0)
+        for face in faces
     )
     return b"blob".ljust(80) + struct.pack("<I", len(faces)) + body
 
@@ -37,7 +45,12 @@ def stl(faces: Sequence[Sequence[Point]]) -> bytes:
 def _radius(polar: float, azimuth: float) -> float:
     """Bumps of unequal size and place, so that no rotation or reflection maps the blob onto itself."""
     x, y, z = math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar)
-    bumps = [((0.8, 0.3, 0.5), 5.0), ((-0.5, 0.7, -0.3), 3.5), ((0.1, -0.9, 0.4), 4.2), ((-0.3, -0.2, -0.9), 2.8)]
+    bumps = [
+        ((0.8, 0.3, 0.5), 5.0),
+        ((-0.5, 0.7, -0.3), 3.5),
+        ((0.1, -0.9, 0.4), 4.2),
+        ((-0.3, -0.2, -0.9), 2.8),
+    ]
     return 16.0 + sum(
         height * math.exp(-6.0 * (math.dist((x, y, z), tuple(v / math.hypot(*centre) for v in centre)) ** 2))
         for centre, height in bumps

@@ -88,7 +88,11 @@ class RunningService:
     def job_processes(self) -> list[psutil.Process]:
         """The children that compute: the zygote's."""
         with suppress(psutil.NoSuchProcess):
-            zygotes = [each for each in self.part("worker").children() if "service.execution.zygote" in each.cmdline()]
+            zygotes = [
+                each
+                for each in self.part("worker").children()
+                if "service.execution.zygote" in each.cmdline()
+            ]
             return [child for zygote in zygotes for child in zygote.children()]
         return []
 
@@ -169,7 +173,9 @@ class ScaledService:
         ready = self.log.read_text().count("worker ready")
         self.workers[number] = self.start("worker", f"worker-{number}")
         wait_until(
-            lambda: self.log.read_text().count("worker ready") > ready, START_TIMEOUT_S, "the new worker to be ready"
+            lambda: self.log.read_text().count("worker ready") > ready,
+            START_TIMEOUT_S,
+            "the new worker to be ready",
         )
 
     def busy(self) -> psutil.Popen:

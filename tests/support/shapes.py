@@ -11,7 +11,9 @@ def grid_plane(nx: int = 12, ny: int = 9, step_mm: float = 1.0) -> Mesh:
     vertices = np.stack([x.ravel(), y.ravel(), np.zeros(nx * ny)], axis=1)
     corner = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
     right, up, across = corner + ny, corner + 1, corner + ny + 1
-    return Mesh(vertices, np.concatenate([np.stack([corner, right, across], 1), np.stack([corner, across, up], 1)]))
+    return Mesh(
+        vertices, np.concatenate([np.stack([corner, right, across], 1), np.stack([corner, across, up], 1)])
+    )
 
 
 def icosphere(radius_mm: float = 1.0, levels: int = 3) -> Mesh:
@@ -55,18 +57,24 @@ def box(size_mm: tuple[float, float, float] = (1.0, 1.0, 1.0), levels: int = 0) 
 
 def cylinder(radius_mm: float = 2.0, height_mm: float = 8.0, around: int = 64, along: int = 33) -> Mesh:
     """An open tube about z, normals out."""
-    angle, z = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.linspace(0, height_mm, along), indexing="ij")
+    angle, z = np.meshgrid(
+        np.arange(around) * 2 * np.pi / around, np.linspace(0, height_mm, along), indexing="ij"
+    )
     vertices = np.stack([radius_mm * np.cos(angle), radius_mm * np.sin(angle), z], axis=-1).reshape(-1, 3)
     i, k = np.meshgrid(np.arange(around), np.arange(along - 1), indexing="ij")
     corner, right = (i * along + k).ravel(), ((i + 1) % around * along + k).ravel()
     return Mesh(
         vertices,
-        np.concatenate([np.stack([corner, right, right + 1], 1), np.stack([corner, right + 1, corner + 1], 1)]),
+        np.concatenate(
+            [np.stack([corner, right, right + 1], 1), np.stack([corner, right + 1, corner + 1], 1)]
+        ),
     )
 
 
 def torus(major_mm: float = 5.0, minor_mm: float = 2.0, around: int = 96, across: int = 48) -> Mesh:
-    u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(across) * 2 * np.pi / across, indexing="ij")
+    u, v = np.meshgrid(
+        np.arange(around) * 2 * np.pi / around, np.arange(across) * 2 * np.pi / across, indexing="ij"
+    )
     ring = major_mm + minor_mm * np.cos(v)
     vertices = np.stack([ring * np.cos(u), ring * np.sin(u), minor_mm * np.sin(v)], axis=-1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
@@ -102,14 +110,21 @@ def motion(seed: int, translation_mm: float = 50.0) -> FloatArray:
     return T
 
 
-def beads(radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around: int = 40, along: int = 121) -> Mesh:
+def beads(
+    radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around: int = 40, along: int = 121
+) -> Mesh:
     """A closed solid of revolution about x: `count` spheres on a thin rod, the middle of the first at the origin."""
     x = np.linspace(-radius_mm, (count - 1) * pitch_mm + radius_mm, along)[1:-1]
     from_middle = x - pitch_mm * np.clip(np.round(x / pitch_mm), 0, count - 1)
     profile = np.sqrt(np.maximum(radius_mm**2 - from_middle**2, (0.15 * radius_mm) ** 2))
     angle = np.arange(around) * 2 * np.pi / around
     rings = np.stack(
-        [np.repeat(x, around), np.outer(profile, np.cos(angle)).ravel(), np.outer(profile, np.sin(angle)).ravel()], 1
+        [
+            np.repeat(x, around),
+            np.outer(profile, np.cos(angle)).ravel(),
+            np.outer(profile, np.sin(angle)).ravel(),
+        ],
+        1,
     )
     ends = np.array([[-radius_mm, 0, 0], [(count - 1) * pitch_mm + radius_mm, 0, 0]])
     i, k = np.meshgrid(np.arange(len(x) - 1), np.arange(around), indexing="ij")

@@ -93,7 +93,18 @@ def running_postgres() -> Iterator[Postgres]:
     server = Postgres(folder, free_port(), binaries, user)
     try:
         subprocess.run(
-            [binaries / "initdb", "-D", folder / "data", "-U", "cusp", "-A", "trust", "-E", "UTF8", "--no-sync"],
+            [
+                binaries / "initdb",
+                "-D",
+                folder / "data",
+                "-U",
+                "cusp",
+                "-A",
+                "trust",
+                "-E",
+                "UTF8",
+                "--no-sync",
+            ],
             user=user,
             cwd=folder,
             check=True,
@@ -152,7 +163,9 @@ def running_s3() -> Iterator[S3]:
                     urllib.request.urlopen(made, timeout=5).close()  # noqa: S310 (loopback)
                     break
                 except URLError:
-                    assert process.poll() is None and time.monotonic() < deadline, "the S3 server does not start"
+                    assert process.poll() is None and time.monotonic() < deadline, (
+                        "the S3 server does not start"
+                    )
                     time.sleep(0.1)
             yield server
         finally:

@@ -32,10 +32,16 @@ async def put_blob(
     return await accept_blob(request, api, caller, filename)
 
 
-@router.head("/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404, 429)})
-def head_blob(blob_id: Annotated[str, Path(description="`id` of the blob")], api: UseApi, caller: Reads) -> Response:
+@router.head(
+    "/{blob_id}", responses={200: {"description": "The blob is stored."}, **problems(401, 403, 404, 429)}
+)
+def head_blob(
+    blob_id: Annotated[str, Path(description="`id` of the blob")], api: UseApi, caller: Reads
+) -> Response:
     """Ask whether a blob is stored, before sending it."""
     row = api.jobs.blob(blob_id, caller.tenant)
     if row is None or not api.blobs.has(blob_id):
         raise NotFound(f"no blob {blob_id[:80]!r} is stored here; send it by PUT /v1/blobs")
-    return Response(headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format})
+    return Response(
+        headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format}
+    )

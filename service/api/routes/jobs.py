@@ -34,13 +34,17 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 RETRY_AFTER_S = 1
 MAX_WAIT_S = 60
-REPORT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+REPORT_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+)
 WAIT_LOOK_S = 0.1
 NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 log = structlog.get_logger()
 
 
-@router.post("", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY)
+@router.post(
+    "", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY
+)
 async def submit(
     request: Request,
     response: Response,
@@ -75,7 +79,9 @@ def list_jobs(
     type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
     label: Annotated[str | None, Query(max_length=200, pattern=NO_NUL, description="only these")] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
-    cursor: Annotated[str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")] = None,
+    cursor: Annotated[
+        str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")
+    ] = None,
 ) -> JobPage:
     """List jobs, newest first."""
     rows, after = api.jobs.page(
@@ -103,7 +109,9 @@ async def status(
     request: Request,
     api: UseApi,
     caller: Reads,
-    prefer: Annotated[str | None, Header(description="`wait=N`: answer when final, or after N seconds")] = None,
+    prefer: Annotated[
+        str | None, Header(description="`wait=N`: answer when final, or after N seconds")
+    ] = None,
 ) -> Response:
     """Watch a job."""
     seconds = _seconds_to_wait(prefer)
@@ -168,7 +176,11 @@ def list_files(job_id: JobId, api: UseApi, caller: Reads) -> FileList:
 @router.get(
     "/{job_id}/files/{name}",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, **NOT_CHANGED, **problems(401, 403, 404, 409, 429)},
+    responses={
+        200: {"content": {"application/octet-stream": {}}},
+        **NOT_CHANGED,
+        **problems(401, 403, 404, 409, 429),
+    },
 )
 def download(job_id: JobId, name: FileName, request: Request, api: UseApi, caller: Reads) -> Response:
     """Download a file of a successful job."""
@@ -191,7 +203,9 @@ def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
         api.jobs.remove(job_id)
-        api.blobs.remove_results(job_id)  # also the second time: the first may have been cut off between the two
+        api.blobs.remove_results(
+            job_id
+        )  # also the second time: the first may have been cut off between the two
     elif not api.jobs.dismiss(job_id, row.status):
         dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
 
@@ -214,7 +228,11 @@ def _check_successful(row: JobRow) -> None:
     if row.status is Status.DISMISSED:
         raise JobDismissed(f"job {row.id} was dismissed; start a new one")
     if row.status is not Status.SUCCESSFUL:
-        why = "failed, see its results" if row.status is Status.FAILED else f"{row.status}; poll it until it is final"
+        why = (
+            "failed, see its results"
+            if row.status is Status.FAILED
+            else f"{row.status}; poll it until it is final"
+        )
         raise JobNotFinal(f"job {row.id} is {why}")
 
 

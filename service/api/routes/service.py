@@ -43,7 +43,10 @@ def readyz(api: UseApi) -> Health:
 @router.get(
     "/metrics",
     response_class=Response,
-    responses={200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}}, **problems(401, 403, 429)},
+    responses={
+        200: {"content": {CONTENT_TYPE_PLAIN_0_0_4: {"schema": {"type": "string"}}}},
+        **problems(401, 403, 429),
+    },
 )
 def metrics(api: UseApi, _: Admins) -> Response:
     """Say how it goes, for Prometheus; with API keys, to one with the scope `admin`."""

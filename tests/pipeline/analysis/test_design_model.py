@@ -51,7 +51,9 @@ def test_results_and_files_are_the_same_with_a_kept_design(files: tuple[Path, Pa
     plain = [result.model_dump(exclude={"timings_s"}) for result in results]
     assert plain[0] == plain[1] == plain[2]
     assert contents(outs[0]) == contents(outs[1]) == contents(outs[2])
-    done_to_design = [{message.split(":")[0] for message in each if message.endswith(": design")} for each in told]
+    done_to_design = [
+        {message.split(":")[0] for message in each if message.endswith(": design")} for each in told
+    ]
     assert done_to_design[0] == done_to_design[1] >= DESIGN_STAGES
     assert done_to_design[2] == set()  # the second scan of a design does no design work
 

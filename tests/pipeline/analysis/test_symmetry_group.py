@@ -13,7 +13,9 @@ from tests.pipeline.verification.test_verdict import cross
 from tests.support import shapes
 from tests.support.designs import design_of
 
-QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
+QUICK = Settings(
+    resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000)
+)
 
 
 def test_a_small_motion_is_no_symmetry() -> None:
@@ -101,9 +103,14 @@ def test_a_prism_turns_over_too(sides: int) -> None:
     bottom, top = (np.column_stack([ring, np.full(sides, z)]) for z in (-6.0, 6.0))
     vertices = np.concatenate([bottom, top, [[0, 0, -6.0], [0, 0, 6.0]]])
     k, after = np.arange(sides), np.roll(np.arange(sides), -1)
-    walls = np.concatenate([np.stack([k, after, after + sides], 1), np.stack([k, after + sides, k + sides], 1)])
+    walls = np.concatenate(
+        [np.stack([k, after, after + sides], 1), np.stack([k, after + sides, k + sides], 1)]
+    )
     caps = np.concatenate(
-        [np.stack([after, k, 0 * k + 2 * sides], 1), np.stack([k + sides, after + sides, 0 * k + 2 * sides + 1], 1)]
+        [
+            np.stack([after, k, 0 * k + 2 * sides], 1),
+            np.stack([k + sides, after + sides, 0 * k + 2 * sides + 1], 1),
+        ]
     )
     found = images(Mesh(vertices, np.concatenate([walls, caps])).moved(shapes.motion(2)))
     assert len(found.others) == 2 * sides - 1

@@ -41,4 +41,6 @@ def test_ends_of_a_tube_are_farther_from_it_than_its_middle() -> None:
     found = average(tube).reshape(16, 41)
     assert (found[:, 20] < found[:, 10]).all()
     assert (found[:, 10] < found[:, 0]).all()
-    assert found.min() == pytest.approx(20.0 / 4, rel=0.1)  # mean of |z - 10| over the tube, a little more around it
+    assert found.min() == pytest.approx(
+        20.0 / 4, rel=0.1
+    )  # mean of |z - 10| over the tube, a little more around it

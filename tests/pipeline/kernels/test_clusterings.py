@@ -109,4 +109,6 @@ def test_k_medians_finds_the_best_pair_of_medians_by_brute_force() -> None:
     found = clusterings.k_medians(points, np.ones(25), 2, 0)
     cost = np.abs(values - found.positions_mm[found.labels, 0]).sum()
     cuts = [(values[:cut], values[cut:]) for cut in range(1, 25)]
-    assert cost == pytest.approx(min(sum(np.abs(half - np.median(half)).sum() for half in cut) for cut in cuts))
+    assert cost == pytest.approx(
+        min(sum(np.abs(half - np.median(half)).sum() for half in cut) for cut in cuts)
+    )

@@ -45,7 +45,9 @@ CLOUDS = {
     "blob": centred(shapes.bumpy_blob(3).vertices),
     "few points": centred(shapes.bumpy_blob(3).vertices[::15]),
     "scattered": np.random.default_rng(3).normal(0.0, 9.0, (400, 3)),
-    "flat": centred(shapes.grid_plane(20, 15).vertices + np.random.default_rng(4).normal(0, 0.2, (300, 3)) * [1, 1, 0]),
+    "flat": centred(
+        shapes.grid_plane(20, 15).vertices + np.random.default_rng(4).normal(0, 0.2, (300, 3)) * [1, 1, 0]
+    ),
 }
 
 

@@ -51,14 +51,18 @@ def test_crossing_a_valley_costs_and_walking_along_it_does_not(valley: Mesh) -> 
 def test_turning_moving_and_scaling_the_part_only_scales_phi(valley: Mesh) -> None:
     moved = valley.moved(shapes.motion(3))
     larger = Mesh(moved.vertices * 1000, moved.faces)
-    np.testing.assert_allclose(crease.concavity(larger, 8000.0), 1000 * crease.concavity(valley, 8.0), atol=1e-5)
+    np.testing.assert_allclose(
+        crease.concavity(larger, 8000.0), 1000 * crease.concavity(valley, 8.0), atol=1e-5
+    )
     weights = crease.convexity_weights(valley, 8.0, 0.1)
     np.testing.assert_allclose(crease.convexity_weights(larger, 8000.0, 0.1), 1e6 * weights, rtol=1e-6)
 
 
 def test_on_a_plane_convexity_is_the_area() -> None:
     plane = shapes.grid_plane()
-    np.testing.assert_allclose(crease.convexity_weights(plane, 3.0, 0.03), plane.vertex_areas_mm2(), rtol=1e-9)
+    np.testing.assert_allclose(
+        crease.convexity_weights(plane, 3.0, 0.03), plane.vertex_areas_mm2(), rtol=1e-9
+    )
 
 
 def test_diffusion_keeps_constants_and_area_weighted_sums() -> None:

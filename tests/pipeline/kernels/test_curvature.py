@@ -25,7 +25,9 @@ def test_plane_has_none_inside_and_none_on_its_corrected_straight_border() -> No
     np.testing.assert_allclose(curvature.integrated_laplacian(plane)[inner], 0, atol=1e-12)
     defect = curvature.angle_defect(plane, border_correction=True)
     np.testing.assert_allclose(np.sort(defect)[:-4], 0, atol=1e-12)
-    np.testing.assert_allclose(np.sort(defect)[-4:], np.pi / 2, atol=1e-12)  # the four corners turn by 90 degrees
+    np.testing.assert_allclose(
+        np.sort(defect)[-4:], np.pi / 2, atol=1e-12
+    )  # the four corners turn by 90 degrees
     uncorrected = curvature.angle_defect(plane, border_correction=False)
     assert np.median(uncorrected[~inner]) == pytest.approx(np.pi)
 

@@ -105,13 +105,17 @@ def test_peaks_over_a_dense_border_are_joined_and_over_a_thin_one_stay() -> None
     all_four, same = density_peaks.persistent_centres(height, labels, candidates, ends, min_prominence=0.1)
     np.testing.assert_array_equal(all_four, candidates)
     np.testing.assert_array_equal(same, labels)
-    three, _ = density_peaks.persistent_centres(height, labels, candidates, ends, min_prominence=9.0, n_centres=3)
+    three, _ = density_peaks.persistent_centres(
+        height, labels, candidates, ends, min_prominence=9.0, n_centres=3
+    )
     assert len(three) == 3
 
 
 def test_clusters_that_do_not_touch_are_never_joined() -> None:
     ends = np.array([[0, 1], [2, 3]])
     labels = np.array([0, 0, 1, 1], dtype=np.int32)
-    centres, joined = density_peaks.persistent_centres(np.ones(4), labels, np.array([0, 2]), ends, min_prominence=50.0)
+    centres, joined = density_peaks.persistent_centres(
+        np.ones(4), labels, np.array([0, 2]), ends, min_prominence=50.0
+    )
     np.testing.assert_array_equal(centres, [0, 2])
     np.testing.assert_array_equal(joined, labels)

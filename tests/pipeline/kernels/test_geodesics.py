@@ -51,7 +51,9 @@ def test_on_a_plane_it_is_the_straight_line() -> None:
     rng = np.random.default_rng(0)
     plane = shapes.grid_plane(15, 11)
     inner = (plane.vertices[:, 0] % 14 > 0) & (plane.vertices[:, 1] % 10 > 0)
-    shaken = plane.vertices + np.where(inner[:, None], rng.uniform(-0.3, 0.3, plane.vertices.shape) * [1, 1, 0], 0.0)
+    shaken = plane.vertices + np.where(
+        inner[:, None], rng.uniform(-0.3, 0.3, plane.vertices.shape) * [1, 1, 0], 0.0
+    )
     for vertices in (plane.vertices, shaken):  # the even grid has whole rows of vertices on straight lines
         found = solver_of(Mesh(vertices, plane.faces)).distances([0, 60, 100])
         expected = np.linalg.norm(vertices[None] - vertices[[0, 60, 100]][:, None], axis=2)
@@ -98,7 +100,9 @@ def test_on_a_cone_it_is_the_line_in_the_unrolled_sector(turn: float) -> None:
     lean = chord / (2 * np.sin(np.pi / sides))  # radius of the rolled rim over its distance from the apex
     phi = 2 * np.pi * np.arange(sides) / sides
     rings = [
-        np.stack([r * lean * np.cos(phi), r * lean * np.sin(phi), np.full(sides, -r * np.sqrt(1 - lean**2))], 1)
+        np.stack(
+            [r * lean * np.cos(phi), r * lean * np.sin(phi), np.full(sides, -r * np.sqrt(1 - lean**2))], 1
+        )
         for r in radii
     ]
     vertices = np.concatenate([np.zeros((1, 3)), *rings])
@@ -107,7 +111,9 @@ def test_on_a_cone_it_is_the_line_in_the_unrolled_sector(turn: float) -> None:
     for ring in range(2):
         a, b = 1 + ring * sides, 1 + (ring + 1) * sides
         faces += [np.stack([a + i, b + i, b + j], 1), np.stack([a + i, b + j, a + j], 1)]
-    distances = solver_of(Mesh(vertices, np.concatenate(faces))).distances(1 + 2 * sides)  # on the rim, at angle 0
+    distances = solver_of(Mesh(vertices, np.concatenate(faces))).distances(
+        1 + 2 * sides
+    )  # on the rim, at angle 0
     for ring, r in enumerate(radii[:2]):
         opening = np.minimum(angle, turn - angle)
         straight = np.sqrt(9 + r * r - 6 * r * np.cos(opening))
@@ -120,7 +126,9 @@ def test_subdivision_of_flat_faces_changes_nothing_between_old_vertices() -> Non
     fine = shapes.subdivided(shapes.subdivided(solid))
     n = len(solid.vertices)
     coarse_rows = solver_of(solid).distances(np.arange(n))
-    np.testing.assert_allclose(solver_of(fine).distances(np.arange(n))[:, :n], coarse_rows, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        solver_of(fine).distances(np.arange(n))[:, :n], coarse_rows, rtol=1e-12, atol=1e-12
+    )
 
 
 # --- a reference implementation
@@ -152,7 +160,9 @@ def test_symmetry_and_triangle_inequality(rough: Mesh) -> None:
     rng = np.random.default_rng(0)
     i, j, k = rng.integers(0, len(rows), (3, 4000))
     assert (rows[i, k] <= (rows[i, j] + rows[j, k]) * (1 + 1e-12)).all()
-    assert (rows >= np.linalg.norm(rough.vertices[:, None] - rough.vertices[None], axis=2) * (1 - 1e-12)).all()
+    assert (
+        rows >= np.linalg.norm(rough.vertices[:, None] - rough.vertices[None], axis=2) * (1 - 1e-12)
+    ).all()
 
 
 def test_a_bounded_search_is_the_full_one_inside_the_radius(rough: Mesh) -> None:
@@ -193,7 +203,9 @@ def known(request: pytest.FixtureRequest, rough: Mesh) -> tuple[GeodesicSolver, 
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3])
-def test_within_is_the_matrix_cut_at_the_radius(known: tuple[GeodesicSolver, FloatArray], share: float) -> None:
+def test_within_is_the_matrix_cut_at_the_radius(
+    known: tuple[GeodesicSolver, FloatArray], share: float
+) -> None:
     solver, matrix = known
     radius = float(np.quantile(matrix[np.isfinite(matrix)], share))
     pairs = solver.within(radius)
@@ -242,7 +254,9 @@ def test_nearest_other_is_the_matrix_answer(known: tuple[GeodesicSolver, FloatAr
 def test_distance_from_a_set_is_the_smallest_of_its_members(known: tuple[GeodesicSolver, FloatArray]) -> None:
     solver, matrix = known
     sources = np.array([3, 77, 160])
-    np.testing.assert_allclose(solver.distances_from_set(sources), matrix[sources].min(axis=0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        solver.distances_from_set(sources), matrix[sources].min(axis=0), rtol=1e-9, atol=1e-12
+    )
     assert np.isinf(solver.distances_from_set(np.zeros(0, dtype=np.int64))).all()
 
 
@@ -264,7 +278,9 @@ def test_any_mesh_gives_distances_and_never_a_crash(data: st.DataObject) -> None
     n = data.draw(st.integers(1, 12))
     extreme = data.draw(st.booleans())
     coordinate = st.sampled_from([0.0, 1.0, 2.0, 0.5, 1 / 3, *([1e-9, 1e6] if extreme else [1e-3, 50.0])])
-    vertices = np.array(data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=n, max_size=n)))
+    vertices = np.array(
+        data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=n, max_size=n))
+    )
     corner = st.integers(0, n - 1)
     faces = data.draw(st.lists(st.tuples(corner, corner, corner), max_size=20))
     mesh = Mesh(vertices, np.array(faces, dtype=np.int32).reshape(-1, 3))

@@ -51,7 +51,9 @@ def test_it_ends_when_nothing_is_uncertain() -> None:
 def test_weights_follow_curvature_and_a_flat_surface_weighs_by_area() -> None:
     areas = np.array([1.0, 1.0, 2.0])
     curved = gp_landmarks.curvature_weights(areas, np.array([0.0, -3.0, 1.0]), np.array([1.0, 0.0, -1.0]))
-    np.testing.assert_allclose(curved, areas * (0.5 * np.array([0, 0.75, 0.25]) + 0.5 * np.array([0.5, 0, 0.5])))
+    np.testing.assert_allclose(
+        curved, areas * (0.5 * np.array([0, 0.75, 0.25]) + 0.5 * np.array([0.5, 0, 0.5]))
+    )
     flat = gp_landmarks.curvature_weights(areas, np.zeros(3), np.zeros(3))
     np.testing.assert_allclose(flat / flat.sum(), areas / areas.sum())
 

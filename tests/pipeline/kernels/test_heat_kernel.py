@@ -33,7 +33,9 @@ def test_on_an_open_tube_it_is_that_of_a_circle_times_that_of_a_segment() -> Non
     tube = shapes.cylinder(radius, height, 48, 33)
     k = np.arange(1, 60)[:, None]
     circle = (1 + 2 * np.sum(np.exp(-((k / radius) ** 2) * time))) / (2 * np.pi * radius)
-    waves = np.cos(k * np.pi * tube.vertices[:, 2] / height) ** 2 * np.exp(-((k * np.pi / height) ** 2) * time)
+    waves = np.cos(k * np.pi * tube.vertices[:, 2] / height) ** 2 * np.exp(
+        -((k * np.pi / height) ** 2) * time
+    )
     segment = (1 + 2 * waves.sum(axis=0)) / height
     found = heat_kernel.signature(spectrum_of(tube, 150), np.array([time]))[:, 0]
     np.testing.assert_allclose(found, circle * segment, rtol=0.02)
@@ -54,7 +56,9 @@ def test_two_solvers_agree() -> None:
     lowest = Spectrum(dense.eigenvalues[:30], dense.functions[:, :30])
     np.testing.assert_allclose(lanczos.eigenvalues, lowest.eigenvalues, rtol=1e-9, atol=1e-12)
     times = np.array([20.0, 200.0])
-    np.testing.assert_allclose(heat_kernel.signature(lanczos, times), heat_kernel.signature(lowest, times), rtol=1e-9)
+    np.testing.assert_allclose(
+        heat_kernel.signature(lanczos, times), heat_kernel.signature(lowest, times), rtol=1e-9
+    )
 
 
 def test_pieces_are_surfaces_of_their_own() -> None:

@@ -79,4 +79,6 @@ def test_correlated_residuals_count_for_less() -> None:
 
 def test_a_motion_about_a_point_leaves_it() -> None:
     T = about(np.array([3.0, -2.0, 1.0]), np.array([0.1, 0.2, -0.3, 0, 0, 0]))
-    np.testing.assert_allclose(rigid.transformed(T, np.array([[3.0, -2.0, 1.0]])), [[3.0, -2.0, 1.0]], atol=1e-12)
+    np.testing.assert_allclose(
+        rigid.transformed(T, np.array([[3.0, -2.0, 1.0]])), [[3.0, -2.0, 1.0]], atol=1e-12
+    )

@@ -9,7 +9,9 @@ from pipeline.kernels.surface import Surface
 from tests.support import shapes
 
 
-@pytest.mark.parametrize("part", [shapes.bumpy_blob(6), shapes.torus(20.0, 6.0, 300, 150)], ids=["blob", "torus"])
+@pytest.mark.parametrize(
+    "part", [shapes.bumpy_blob(6), shapes.torus(20.0, 6.0, 300, 150)], ids=["blob", "torus"]
+)
 def test_about_a_tenth_of_the_triangles_lies_on_the_same_surface(part: Mesh) -> None:
     few = remesh.decimated(part, len(part.faces) // 10)
     assert 0.98 * len(part.faces) / 10 <= len(few.faces) <= 2.2 * len(part.faces) / 10

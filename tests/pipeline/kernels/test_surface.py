@@ -94,11 +94,15 @@ def test_threads_change_no_bit() -> None:
     blob = shapes.bumpy_blob(4)
     rng = np.random.default_rng(2)
     points, face = rng.normal(size=(20_000, 3)) * 12, rng.integers(0, len(blob.faces), 20_000)
-    one, three = (core.closest_on_faces(points, blob.vertices, blob.faces, face, threads) for threads in (1, 3))
+    one, three = (
+        core.closest_on_faces(points, blob.vertices, blob.faces, face, threads) for threads in (1, 3)
+    )
     for a, b in zip(one, three, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
 def test_a_face_that_is_none_is_refused() -> None:
     with pytest.raises(IndexError, match="face out of range"):
-        core.closest_on_faces(np.zeros((1, 3)), np.eye(3), np.array([[0, 1, 2]], dtype=np.int32), np.array([1]), 1)
+        core.closest_on_faces(
+            np.zeros((1, 3)), np.eye(3), np.array([[0, 1, 2]], dtype=np.int32), np.array([1]), 1
+        )

@@ -33,7 +33,8 @@ def test_the_share_of_the_area_that_is_buried_is_what_is_hidden() -> None:
     for height in (-5.0, 0.0, 5.0):
         buried_below = box.moved(rigid.compose(np.eye(3), np.array([0.0, 0.0, height - 30.0])))
         placed = Mesh(
-            buried_below.vertices - [buried_below.vertices[:, 0].mean(), buried_below.vertices[:, 1].mean(), 0],
+            buried_below.vertices
+            - [buried_below.vertices[:, 0].mean(), buried_below.vertices[:, 1].mean(), 0],
             box.faces,
         )
         top = placed.vertices[:, 2].max()

@@ -111,11 +111,15 @@ def test_words_from_outside_stay_words(tmp_path: Path) -> None:
     assert "<script>" not in text and "&lt;script&gt;" in text and "<img src=x" not in text
 
 
-def test_the_coloured_scan_is_the_aligned_one_in_the_scales_colours(made: tuple[Path, RegistrationResult]) -> None:
+def test_the_coloured_scan_is_the_aligned_one_in_the_scales_colours(
+    made: tuple[Path, RegistrationResult],
+) -> None:
     folder, result = made
     aligned = trimesh.load(folder / "out" / "aligned.ply", process=False)
     coloured = trimesh.load(folder / "out" / "deviation.ply", process=False)
-    assert np.array_equal(aligned.vertices, coloured.vertices) and np.array_equal(aligned.faces, coloured.faces)
+    assert np.array_equal(aligned.vertices, coloured.vertices) and np.array_equal(
+        aligned.faces, coloured.faces
+    )
     design = trimesh.load(folder / "out" / "design.clean.ply", process=False)
     signed = -trimesh.proximity.signed_distance(design, aligned.vertices[:50])  # trimesh: + inside
     scale = ColourScale(2.0, 0.05)
@@ -154,13 +158,19 @@ def test_a_scan_that_does_not_fit_has_a_page_without_deviation(tmp_path: Path) -
     (tmp_path / "d.stl").write_bytes(blob_stl())
     trimesh.creation.cylinder(1.0, 60.0, sections=40).export(tmp_path / "s.stl")
     settings = pipeline.Settings.model_validate(SMALL)
-    result = pipeline.register(tmp_path / "d.stl", tmp_path / "s.stl", settings=settings, out=tmp_path / "out")
+    result = pipeline.register(
+        tmp_path / "d.stl", tmp_path / "s.stl", settings=settings, out=tmp_path / "out"
+    )
     assert result.transform is None and "deviation.ply" not in result.files
     text = (tmp_path / "out" / "report.html").read_text()
     outline(text)
     assert "Deviation of the scan" not in text and result.verdict.status.replace("_", " ") in text
     # What was tried is shown for what it is, and both meshes with their sizes: why they do not fit can be seen.
-    assert "Not a measurement" in text and "material is missing" not in text and text.count("data:image/png") == 8
+    assert (
+        "Not a measurement" in text
+        and "material is missing" not in text
+        and text.count("data:image/png") == 8
+    )
     assert "scan 2.0 x 2.0 x 60.0 mm along the axes of its file" in text
 
 
@@ -209,7 +219,9 @@ def test_landmarks_and_studies_have_a_page(tmp_path: Path) -> None:
     text = (tmp_path / "landmarks" / "report.html").read_text()
     outline(text)
     assert f"{len(marked.landmarks.mesh)} landmarks" in text
-    done = pipeline.study(tmp_path / "m.stl", trials=20, detectors=["t2"], settings=settings, out=tmp_path / "study")
+    done = pipeline.study(
+        tmp_path / "m.stl", trials=20, detectors=["t2"], settings=settings, out=tmp_path / "study"
+    )
     text = (tmp_path / "study" / "report.html").read_text()
     outline(text)
     assert done.summary[:40] in text.replace("&#39;", "'") and "report.html" in done.files

@@ -104,7 +104,9 @@ def test_every_character_is_of_a_font_that_the_file_holds(made: tuple[Path, Regi
             descriptor = font["/DescendantFonts"][0]["/FontDescriptor"]
             assert len(descriptor["/FontFile2"].get_object().get_data()) > 1000
     assert names and all(name.startswith("DejaVu-Sans") for name in names)  # and no other took over
-    text = unescape(re.sub(r"<style>.*?</style>|<[^>]+>", "", (out / "report.html").read_text(), flags=re.DOTALL))
+    text = unescape(
+        re.sub(r"<style>.*?</style>|<[^>]+>", "", (out / "report.html").read_text(), flags=re.DOTALL)
+    )
     family = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
     with TTFont(family) as has:
         assert {each for each in text if not each.isspace()} <= {chr(code) for code in has.getBestCmap()}
@@ -115,7 +117,9 @@ def test_the_same_page_gives_the_same_bytes_in_any_process(made: tuple[Path, Reg
     page, first = made[0] / "report.html", (made[0] / "report.pdf").read_bytes()
     again = page.with_name("again.pdf")
     assert report_pdf.write(page, again) == [] and again.read_bytes() == first
-    script = "import sys, pathlib; from pipeline.report.pdf import write; write(*map(pathlib.Path, sys.argv[1:]))"
+    script = (
+        "import sys, pathlib; from pipeline.report.pdf import write; write(*map(pathlib.Path, sys.argv[1:]))"
+    )
     elsewhere = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo", "SOURCE_DATE_EPOCH": "1"}
     subprocess.run([sys.executable, "-c", script, page, again], check=True, env=elsewhere)
     assert again.read_bytes() == first
@@ -142,7 +146,9 @@ def test_nothing_is_fetched(tmp_path: Path) -> None:
 
 def test_a_long_table_names_its_columns_on_each_page(tmp_path: Path) -> None:
     rows = "".join(f"<tr><td>{number}</td></tr>" for number in range(150))
-    pages = words(printed(tmp_path, f"<table><thead><tr><th>segment</th></tr></thead><tbody>{rows}</tbody></table>"))
+    pages = words(
+        printed(tmp_path, f"<table><thead><tr><th>segment</th></tr></thead><tbody>{rows}</tbody></table>")
+    )
     assert len(pages) > 1 and all("segment" in text for text in pages)
 
 
@@ -172,12 +178,17 @@ def test_a_missing_library_is_a_warning_that_says_what_to_install(
     assert "report.html" in result.files and "report.pdf" not in result.files
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == result.files
     (note,) = (note for note in result.warnings if note.code == "no_pdf")
-    assert "cannot load library libpango-1.0-0: no such file;" in note.detail and "libharfbuzz-subset0" in note.detail
+    assert (
+        "cannot load library libpango-1.0-0: no such file;" in note.detail
+        and "libharfbuzz-subset0" in note.detail
+    )
     assert "no_pdf" in (tmp_path / "out" / "results.json").read_text()
     assert capfd.readouterr().out == ""
 
 
-def test_fonts_are_never_cut_the_way_that_stamps_the_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fonts_are_never_cut_the_way_that_stamps_the_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from weasyprint.text import ffi
 
     monkeypatch.setattr(ffi, "harfbuzz_subset", None)

@@ -63,11 +63,16 @@ def test_the_views_are_of_the_part_not_of_the_files_axes() -> None:
     shares = []
     for mesh in (part, part.moved(T)):
         shares.append(
-            [(pixels(picture(mesh, colours, view, mesh.vertices, 120, 90)) < 0.999).mean() for view in four_views(mesh)]
+            [
+                (pixels(picture(mesh, colours, view, mesh.vertices, 120, 90)) < 0.999).mean()
+                for view in four_views(mesh)
+            ]
         )
     assert np.allclose(shares[0], shares[1], atol=0.02)
     for view in four_views(part):
-        assert np.allclose(view.axes @ view.axes.T, np.eye(3)) and np.linalg.det(view.axes) == pytest.approx(1)
+        assert np.allclose(view.axes @ view.axes.T, np.eye(3)) and np.linalg.det(view.axes) == pytest.approx(
+            1
+        )
 
 
 def test_the_same_bytes_each_time() -> None:

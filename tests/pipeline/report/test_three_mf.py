@@ -68,8 +68,13 @@ def test_a_job_that_is_asked_leaves_the_aligned_scan(tmp_path: Path) -> None:
     (tmp_path / "d.stl").write_bytes(blob_stl())
     (tmp_path / "s.stl").write_bytes(blob_stl(23, 37, turn_deg=25.0, shift_mm=(4.0, -3.0, 2.0)))
     settings = pipeline.Settings.model_validate({**SMALL, "report": {"three_mf": True}})
-    result = pipeline.register(tmp_path / "d.stl", tmp_path / "s.stl", settings=settings, out=tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == result.files and "aligned.3mf" in result.files
+    result = pipeline.register(
+        tmp_path / "d.stl", tmp_path / "s.stl", settings=settings, out=tmp_path / "out"
+    )
+    assert (
+        sorted(path.name for path in (tmp_path / "out").iterdir()) == result.files
+        and "aligned.3mf" in result.files
+    )
     back, aligned = (
         read(tmp_path / "out" / "aligned.3mf"),
         trimesh.load(tmp_path / "out" / "aligned.ply", process=False),

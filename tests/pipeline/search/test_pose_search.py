@@ -54,7 +54,9 @@ def test_half_a_sphere_covers_half() -> None:
 def test_the_scan_of_one_side_of_a_thin_wall_covers_that_side_only() -> None:
     """A plate of 20 x 20 x 0.4 mm, an inlier distance of 1 mm: the other side is near, and not seen."""
     plate = Surface(shapes.box((20.0, 20.0, 0.4), 4))
-    top = shapes.grid_plane(21, 21).moved(np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.4], [0, 0, 0, 1.0]]))
+    top = shapes.grid_plane(21, 21).moved(
+        np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.4], [0, 0, 0, 1.0]])
+    )
     scan = Scan(top, RegistrationSettings(), 0)
     side = 400.0 / float(plate.mesh.face_areas_mm2().sum())
     assert scan.coverage(np.eye(4), 1.0, plate, 1.0) == pytest.approx(side, abs=0.02)

@@ -58,7 +58,9 @@ def test_degenerate_and_duplicate_faces_and_unused_vertices_go() -> None:
 
 def test_a_fin_on_an_edge_is_dropped() -> None:
     box = shapes.box((2.0, 2.0, 2.0))
-    finned = Mesh(np.concatenate([box.vertices, [[1.0, -0.1, -0.1]]]), np.concatenate([box.faces, [[0, 1, 8]]]))
+    finned = Mesh(
+        np.concatenate([box.vertices, [[1.0, -0.1, -0.1]]]), np.concatenate([box.faces, [[0, 1, 8]]])
+    )
     found = cleaned(finned)
     assert found.report["non_manifold_faces"] == 1
     assert (topology.edges(found.mesh.faces).count == 2).all()
@@ -68,7 +70,9 @@ def test_inside_out_closed_mesh_is_turned() -> None:
     box = shapes.box()
     found = cleaned(Mesh(box.vertices, box.faces[:, ::-1]))
     assert found.report["turned_faces"] == 12
-    np.testing.assert_array_less(0, np.einsum("nd,nd->n", found.mesh.vertex_normals(), found.mesh.vertices - 0.5))
+    np.testing.assert_array_less(
+        0, np.einsum("nd,nd->n", found.mesh.vertex_normals(), found.mesh.vertices - 0.5)
+    )
 
 
 def together(*meshes: Mesh) -> Mesh:
@@ -82,7 +86,9 @@ def turned_over(mesh: Mesh) -> Mesh:
 
 
 def test_many_inside_out_pieces_are_turned_and_a_hollow_part_stays_hollow() -> None:
-    apart = [Mesh(shapes.icosphere(1.0, 1).vertices + 5.0 * k, shapes.icosphere(1.0, 1).faces) for k in range(3)]
+    apart = [
+        Mesh(shapes.icosphere(1.0, 1).vertices + 5.0 * k, shapes.icosphere(1.0, 1).faces) for k in range(3)
+    ]
     wrong = together(*map(turned_over, apart))
     assert cleaned(wrong).report["turned_faces"] == len(wrong.faces)
     hollow = together(shapes.icosphere(5.0, 2), turned_over(shapes.icosphere(2.0, 2)))
@@ -123,7 +129,10 @@ def test_points_are_kept_as_points_without_copies() -> None:
     ("mesh", "error"),
     [
         (Mesh(np.eye(3), np.array([[0, 1, 2]])), errors.DegenerateMesh),
-        (Mesh(np.linspace(0, 1, 30)[:, None] * np.ones(3), np.arange(30).reshape(-1, 3)), errors.DegenerateMesh),
+        (
+            Mesh(np.linspace(0, 1, 30)[:, None] * np.ones(3), np.arange(30).reshape(-1, 3)),
+            errors.DegenerateMesh,
+        ),
         (Mesh(np.zeros((12, 3)), np.arange(12).reshape(-1, 3)), errors.DegenerateMesh),
         (Mesh(np.random.default_rng(0).random((29, 3))), errors.TooFewPoints),
         (Mesh(np.zeros((40, 3))), errors.TooFewPoints),

@@ -89,7 +89,9 @@ def broken() -> Mesh:
     """An open tube, a closed blob, a triangle alone, a face without area and vertices of no face."""
     tube, blob = shapes.cylinder(4.0, 12.0, 24, 17), shapes.bumpy_blob(2)
     n, k = len(tube.vertices), len(tube.vertices) + len(blob.vertices)
-    extra = np.array([[60.0, 0, 0], [61, 0, 0], [60, 1, 0], [80, 0, 0], [81, 0, 0], [82, 0, 0], [0, 99, 0], [0, 99, 0]])
+    extra = np.array(
+        [[60.0, 0, 0], [61, 0, 0], [60, 1, 0], [80, 0, 0], [81, 0, 0], [82, 0, 0], [0, 99, 0], [0, 99, 0]]
+    )
     loose = np.array([[k, k + 1, k + 2], [k + 3, k + 4, k + 5]])
     return Mesh(
         np.concatenate([tube.vertices, blob.vertices + 30.0, extra]),
@@ -138,7 +140,10 @@ def test_random_follows_area_and_seed() -> None:
     """Two spheres of as many vertices, one with four times the area: it is drawn four times as often."""
     small, large = shapes.icosphere(5.0, 2), shapes.icosphere(10.0, 2)
     n = len(small.vertices)
-    both = Mesh(np.concatenate([small.vertices + 50.0, large.vertices]), np.concatenate([small.faces, large.faces + n]))
+    both = Mesh(
+        np.concatenate([small.vertices + 50.0, large.vertices]),
+        np.concatenate([small.faces, large.faces + n]),
+    )
     base = scene(both)
     firsts = []
     for seed in range(400):

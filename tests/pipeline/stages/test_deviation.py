@@ -15,7 +15,9 @@ from pipeline.stages.registration import fit
 from tests.support import shapes
 
 
-def measured(design: Mesh, scan: Mesh, tolerance_mm: float | None = None, T: FloatArray | None = None) -> Deviations:
+def measured(
+    design: Mesh, scan: Mesh, tolerance_mm: float | None = None, T: FloatArray | None = None
+) -> Deviations:
     """Under the pose T, by default as they lie; every face of the design is a segment by its main direction."""
     surface = Surface(design)
     found = fit(scan, scan.weights(), surface, np.eye(4) if T is None else T, 0.02 * design.diagonal_mm)
@@ -34,7 +36,9 @@ def of_design(design: Mesh, scan: Mesh, tolerance_mm: float | None = None) -> De
     surface = Surface(design)
     inlier = 0.02 * design.diagonal_mm
     found = fit(scan, scan.weights(), surface, np.eye(4), inlier)
-    return deviation_of_design(scan, None if scan.is_cloud else Surface(scan), surface, found, inlier, tolerance_mm)
+    return deviation_of_design(
+        scan, None if scan.is_cloud else Surface(scan), surface, found, inlier, tolerance_mm
+    )
 
 
 def scaled(mesh: Mesh, factor: float) -> Mesh:
@@ -47,7 +51,9 @@ def test_an_offset_sphere_is_off_by_the_offset_everywhere(offset_mm: float) -> N
     scan = scaled(design, 1 + offset_mm / 10.0)
     found = summary(design, scan, tolerance_mm=0.2)
     for value in (found.mean_mm, found.min_mm, found.max_mm, found.p01_mm, found.p50_mm, found.p99_mm):
-        assert value == pytest.approx(offset_mm, abs=2e-3)  # facets of the design lie a little inside its sphere
+        assert value == pytest.approx(
+            offset_mm, abs=2e-3
+        )  # facets of the design lie a little inside its sphere
     assert found.rms_mm == pytest.approx(0.3, abs=2e-3) and found.sd_mm < 2e-3
     assert (found.within, found.above, found.below) == ((0.0, 1.0, 0.0) if offset_mm > 0 else (0.0, 0.0, 1.0))
     assert found.sign == "closed"
@@ -91,8 +97,12 @@ def test_a_stepped_block_has_its_shares_of_the_area() -> None:
 
 def test_both_sides_of_a_thin_wall_have_their_sign() -> None:
     wall = shapes.box((20.0, 20.0, 0.05), levels=4)
-    too_thick = Mesh(wall.vertices + np.where(wall.vertices[:, 2:] > 0.02, 1.0, -1.0) * [0, 0, 0.01], wall.faces)
-    too_thin = Mesh(wall.vertices - np.where(wall.vertices[:, 2:] > 0.02, 1.0, -1.0) * [0, 0, 0.01], wall.faces)
+    too_thick = Mesh(
+        wall.vertices + np.where(wall.vertices[:, 2:] > 0.02, 1.0, -1.0) * [0, 0, 0.01], wall.faces
+    )
+    too_thin = Mesh(
+        wall.vertices - np.where(wall.vertices[:, 2:] > 0.02, 1.0, -1.0) * [0, 0, 0.01], wall.faces
+    )
     rim = (np.abs(wall.vertices[:, :2] - 10.0) == 10.0).any(axis=1)
     np.testing.assert_allclose(measured(wall, too_thick).signed_mm[~rim], 0.01, atol=1e-9)
     thin = measured(wall, too_thin).signed_mm
@@ -108,7 +118,11 @@ def test_a_broken_off_fin_is_seen_from_the_design_only() -> None:
     forth = summary(design, plate, tolerance_mm=0.1)
     assert forth.max_mm == pytest.approx(0.0, abs=1e-9)
     back = of_design(design, plate, tolerance_mm=0.1)
-    assert back is not None and back.min_mm == pytest.approx(-6.0) and back.max_mm == pytest.approx(0.0, abs=1e-9)
+    assert (
+        back is not None
+        and back.min_mm == pytest.approx(-6.0)
+        and back.max_mm == pytest.approx(0.0, abs=1e-9)
+    )
     assert back.below is not None and back.below == pytest.approx(design.weights()[fin > 0].sum())
 
 
@@ -197,13 +211,16 @@ def test_rms_mean_and_sd_belong_together_and_shares_make_one(
 ) -> None:
     """Points over a wide plane, as high as drawn."""
     plane = Mesh(
-        np.array([[-99.0, -99, 0], [99, -99, 0], [99, 99, 0], [-99, 99, 0]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+        np.array([[-99.0, -99, 0], [99, -99, 0], [99, 99, 0], [-99, 99, 0]]),
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
     )
     heights = np.array([height for height, _ in rows])
     scan = Mesh(np.column_stack([np.arange(len(rows)) + 0.25, np.zeros(len(rows)), heights]))
     found = summary(plane, scan, tolerance_mm=tolerance_mm)
     assert found.rms_mm**2 == pytest.approx(found.mean_mm**2 + found.sd_mm**2, abs=1e-12)
-    assert found.mean_mm == pytest.approx(heights.mean()) and found.sd_mm == pytest.approx(heights.std(), abs=1e-12)
+    assert found.mean_mm == pytest.approx(heights.mean()) and found.sd_mm == pytest.approx(
+        heights.std(), abs=1e-12
+    )
     assert found.mean_abs_mm == pytest.approx(np.abs(heights).mean())
     assert found.within is not None and found.above is not None and found.below is not None
     assert found.within + found.above + found.below == pytest.approx(1.0)

@@ -9,7 +9,15 @@ from pipeline.core.settings import LandmarksSettings, SegmentationSettings, Sett
 from pipeline.kernels import peaks
 from pipeline.stages.features import Features, features
 from pipeline.stages.geodesics import geodesics
-from pipeline.stages.landmarks import LandmarkSet, hotelling_t2, landmarks, scaled, strongest_apart, t2_limit, t2_scores
+from pipeline.stages.landmarks import (
+    LandmarkSet,
+    hotelling_t2,
+    landmarks,
+    scaled,
+    strongest_apart,
+    t2_limit,
+    t2_scores,
+)
 from pipeline.stages.segmentation import Segmentation, segment
 from tests.support import shapes
 
@@ -20,7 +28,11 @@ def analysed(mesh: Mesh, radius_mm: float, settings: Settings) -> tuple[Segmenta
     distances = geodesics(mesh, "mesh", size_mm, settings.geodesics, settings.segmentation)
     segmentation = segment(mesh, "mesh", distances, settings.segmentation)
     measured = features(mesh, radius_mm, settings.features)
-    return segmentation, measured, landmarks(mesh, distances.surface, segmentation, measured, settings.landmarks)
+    return (
+        segmentation,
+        measured,
+        landmarks(mesh, distances.surface, segmentation, measured, settings.landmarks),
+    )
 
 
 def half(mesh: Mesh, above_mm: float = 0.0) -> Mesh:
@@ -109,7 +121,9 @@ def test_spacing_count_and_order(blob: Mesh) -> None:
     _, _, found = analysed(blob, 4.0, settings)
     assert len(found.vertex) == 7
     assert (np.diff(found.strength) <= 0).all()
-    apart = np.linalg.norm(found.position_mm[:, None] - found.position_mm[None], axis=2)[np.triu_indices(7, 1)]
+    apart = np.linalg.norm(found.position_mm[:, None] - found.position_mm[None], axis=2)[
+        np.triu_indices(7, 1)
+    ]
     assert apart.min() > 6.0
     _, _, unlimited = analysed(blob, 4.0, Settings(landmarks=LandmarksSettings(spacing_radii=1.5)))
     np.testing.assert_array_equal(unlimited.vertex[:7], found.vertex)

@@ -26,7 +26,9 @@ PLY_POINTS = b"0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
 ASCII_FACET = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
 
 
-def read(data: bytes, tmp_path: Path, name: str, unit: Unit = "auto", *, needs_surface: bool = True) -> Loaded:
+def read(
+    data: bytes, tmp_path: Path, name: str, unit: Unit = "auto", *, needs_surface: bool = True
+) -> Loaded:
     path = tmp_path / name
     path.write_bytes(data)
     return load(MeshFile(path, unit=unit), "design", LoadSettings(), needs_surface=needs_surface)
@@ -118,7 +120,12 @@ BAD: dict[str, tuple[bytes, str, type[pipeline.PipelineError], str]] = {
     "cut binary STL": (exported("stl")[:-30], "a.stl", errors.TruncatedFile, "12 triangles"),
     "cut ASCII STL": (b"solid a\n" + ASCII_FACET + ASCII_FACET[:60], "a.stl", errors.PipelineError, "STL"),
     "cut binary PLY": (exported("ply")[:-7], "a.ply", errors.TruncatedFile, "ply"),
-    "cut ASCII PLY": (PLY_HEAD + PLY_POINTS + b"3 0 1 2\n", "a.ply", errors.TruncatedFile, "2 face rows and has 1"),
+    "cut ASCII PLY": (
+        PLY_HEAD + PLY_POINTS + b"3 0 1 2\n",
+        "a.ply",
+        errors.TruncatedFile,
+        "2 face rows and has 1",
+    ),
     "cut OFF": (b"OFF\n3 4 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "a.off", errors.TruncatedFile, "4 faces"),
     "cut GLB": (exported("glb")[:-40], "a.glb", errors.TruncatedFile, "glb"),
     "NaN": (
@@ -135,8 +142,18 @@ BAD: dict[str, tuple[bytes, str, type[pipeline.PipelineError], str]] = {
         errors.IndexOutOfRange,
         "vertex 9",
     ),
-    "negative index (PLY)": (PLY_HEAD + PLY_POINTS + b"3 0 1 2\n3 0 2 -1\n", "a.ply", errors.IndexOutOfRange, "-1"),
-    "index out of range (OBJ)": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a.obj", errors.IndexOutOfRange, "obj"),
+    "negative index (PLY)": (
+        PLY_HEAD + PLY_POINTS + b"3 0 1 2\n3 0 2 -1\n",
+        "a.ply",
+        errors.IndexOutOfRange,
+        "-1",
+    ),
+    "index out of range (OBJ)": (
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+        "a.obj",
+        errors.IndexOutOfRange,
+        "obj",
+    ),
     "index out of range (OFF)": (
         b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
         "a.off",

@@ -16,9 +16,13 @@ PAPER = SegmentationSettings(quantile=0.02, density="vertex", kernel="cutoff", c
 AREA = PAPER.model_copy(update={"density": "area"})
 
 
-def segmented(mesh: Mesh, settings: SegmentationSettings, metric: str = "surface") -> tuple[Geodesics, Segmentation]:
+def segmented(
+    mesh: Mesh, settings: SegmentationSettings, metric: str = "surface"
+) -> tuple[Geodesics, Segmentation]:
     size_mm = float(np.sqrt(mesh.face_areas_mm2().sum()))
-    distances = geodesics(mesh, "mesh", size_mm, GeodesicsSettings.model_validate({"metric": metric}), settings)
+    distances = geodesics(
+        mesh, "mesh", size_mm, GeodesicsSettings.model_validate({"metric": metric}), settings
+    )
     return distances, segment(mesh, "mesh", distances, settings)
 
 
@@ -34,7 +38,9 @@ def separate_spheres() -> Mesh:
 @pytest.mark.parametrize("settings", [PAPER, AREA], ids=["vertex", "area"])
 @pytest.mark.parametrize("metric", ["surface", "crease"])
 @pytest.mark.parametrize("mesh", [shapes.bumpy_blob(3), separate_spheres()], ids=["blob", "three spheres"])
-def test_everything_is_what_the_full_matrix_gives(mesh: Mesh, metric: str, settings: SegmentationSettings) -> None:
+def test_everything_is_what_the_full_matrix_gives(
+    mesh: Mesh, metric: str, settings: SegmentationSettings
+) -> None:
     """rho, delta, d_c, labels and halo by Rodriguez & Laio's formulas on all pairs, every vertex."""
     distances, found = segmented(mesh, settings, metric)
     n = len(mesh.vertices)

@@ -76,7 +76,13 @@ def test_abstention_is_a_miss() -> None:
     settings = QUICK.model_copy(
         update={
             "study": QUICK.study.model_copy(
-                update={"kind": "repeatability", "trials": 1, "detectors": ("t2",), "count": 40, "noise_mm": 0.01}
+                update={
+                    "kind": "repeatability",
+                    "trials": 1,
+                    "detectors": ("t2",),
+                    "count": 40,
+                    "noise_mm": 0.01,
+                }
             ),
             "segmentation": SegmentationSettings(n_centres=4),
         }
@@ -103,7 +109,9 @@ def test_informativeness_of_the_blob(blob: Path, tmp_path: Path) -> None:
         (detector, icp) for detector in ("t2", "random") for icp in ("library", "converged")
     }
     assert found.protocol.trials == 40 and shares == sorted(shares)
-    again = pipeline.study(blob, trials=40, detectors=["t2", "random"], settings=QUICK, seed=4, out=tmp_path / "again")
+    again = pipeline.study(
+        blob, trials=40, detectors=["t2", "random"], settings=QUICK, seed=4, out=tmp_path / "again"
+    )
     assert again.informativeness == found.informativeness
     for name in ("trials.csv", "study.svg", "report.html"):
         assert (tmp_path / name).read_bytes() == (tmp_path / "again" / name).read_bytes()

@@ -36,7 +36,11 @@ def studied(**changed: object) -> Informativeness:
 
 
 def made(
-    complete: list[float], ours: dict[Detector, list[float]], *, diagonal_mm: float = 100.0, rotation_deg: float = 0.0
+    complete: list[float],
+    ours: dict[Detector, list[float]],
+    *,
+    diagonal_mm: float = 100.0,
+    rotation_deg: float = 0.0,
 ) -> Informativeness:
     """A study with these errors by either rule."""
 
@@ -46,16 +50,27 @@ def made(
 
     trials = len(complete)
     return Informativeness(
-        *(3.0, rotation_deg, diagonal_mm, np.zeros((trials, 3)), np.tile([0.0, 0, 1], (trials, 1)), np.zeros(trials)),
+        *(
+            3.0,
+            rotation_deg,
+            diagonal_mm,
+            np.zeros((trials, 3)),
+            np.tile([0.0, 0, 1], (trials, 1)),
+            np.zeros(trials),
+        ),
         registered(complete),
         {detector: registered(errors) for detector, errors in ours.items()},
     )
 
 
 def test_draws_fill_the_cube_and_the_ball_of_turns() -> None:
-    study = informativeness(BLOB[::60], {"t2": np.arange(5)}, trials=4000, noise_mm=2.5, rotation_deg=30.0, seed=3)
+    study = informativeness(
+        BLOB[::60], {"t2": np.arange(5)}, trials=4000, noise_mm=2.5, rotation_deg=30.0, seed=3
+    )
     for axis in study.translation_mm.T:
-        np.testing.assert_allclose(np.quantile(axis, [0, 0.25, 0.5, 0.75, 1]), [-2.5, -1.25, 0, 1.25, 2.5], atol=0.12)
+        np.testing.assert_allclose(
+            np.quantile(axis, [0, 0.25, 0.5, 0.75, 1]), [-2.5, -1.25, 0, 1.25, 2.5], atol=0.12
+        )
     np.testing.assert_allclose(np.quantile(study.angle_deg, [0, 0.5, 1]), [0, 15, 30], atol=0.7)
     np.testing.assert_allclose(np.linalg.norm(study.axis, axis=1), 1.0, atol=1e-14)
     np.testing.assert_allclose(study.axis.mean(axis=0), 0.0, atol=0.04)
@@ -79,7 +94,9 @@ def test_a_trial_is_the_five_steps_of_the_paper() -> None:
         R = rigid.from_vector(np.concatenate([turn, np.zeros(3)])[None])[0, :3, :3]
         start = rigid.compose(R, middle - R @ middle + study.translation_mm[trial])
         found = study.complete.rmse_mm[trial, 1], study.landmarks["t2"].rmse_mm[trial, 1]
-        np.testing.assert_allclose(found, [error_mm(BLOB, start), error_mm(BLOB[EVERY_TENTH], start)], atol=1e-9)
+        np.testing.assert_allclose(
+            found, [error_mm(BLOB, start), error_mm(BLOB[EVERY_TENTH], start)], atol=1e-9
+        )
 
 
 def test_small_shifts_are_undone_whatever_the_points_and_count_as_ties() -> None:
@@ -121,7 +138,9 @@ def test_another_seed_gives_other_trials() -> None:
 
 def test_vertices_and_their_positions_are_the_same_landmarks() -> None:
     by_number = informativeness(BLOB, {"t2": EVERY_TENTH}, trials=5, noise_mm=2.0, rotation_deg=0.0, seed=0)
-    by_place = informativeness(BLOB, {"t2": BLOB[EVERY_TENTH]}, trials=5, noise_mm=2.0, rotation_deg=0.0, seed=0)
+    by_place = informativeness(
+        BLOB, {"t2": BLOB[EVERY_TENTH]}, trials=5, noise_mm=2.0, rotation_deg=0.0, seed=0
+    )
     np.testing.assert_array_equal(by_number.landmarks["t2"].rmse_mm, by_place.landmarks["t2"].rmse_mm)
 
 
@@ -147,7 +166,9 @@ def test_counts_by_hand() -> None:
     assert (first.icp, second.icp) == ("library", "converged")
     for row in (first, second):
         assert row.share_tie == pytest.approx(0.4)  # the fifth to the eighth
-        assert row.share_above == pytest.approx(0.4)  # 2, 10, 1e14 and 2 / 0; not the last, where they are equal
+        assert row.share_above == pytest.approx(
+            0.4
+        )  # 2, 10, 1e14 and 2 / 0; not the last, where they are equal
         assert row.share_at_least_10 == pytest.approx(0.3)
         assert row.share_raw_above == pytest.approx(0.6)  # the four, and two of the ties
         assert row.k.n == 6
@@ -219,13 +240,17 @@ def test_the_picture_has_every_curve_and_is_the_same_again(tmp_path: Path, rotat
 
 
 def test_a_picture_of_no_error_at_all_can_be_drawn(tmp_path: Path) -> None:
-    study_plots.write_informativeness(tmp_path / "s.svg", made([0.0, 5.0], {"t2": [3.0, 0.0], "gp": [0.0, 1.0]}))
+    study_plots.write_informativeness(
+        tmp_path / "s.svg", made([0.0, 5.0], {"t2": [3.0, 0.0], "gp": [0.0, 1.0]})
+    )
 
 
 def test_repeatability_is_drawn_for_every_condition_and_detector(tmp_path: Path) -> None:
     nothing = Quantiles(n=0, p05=None, p25=None, p50=None, p75=None, p95=None)
     conditions = ["noise 0.1%", "noise 0.1%, 30% cut off"]
-    asked = RepeatabilityProtocol(trials=5, eps=0.01, eps_mm=0.8, count=20, spacing_mm=2.0, conditions=conditions)
+    asked = RepeatabilityProtocol(
+        trials=5, eps=0.01, eps_mm=0.8, count=20, spacing_mm=2.0, conditions=conditions
+    )
     found = [
         RepeatabilityRow(
             detector=detector,

@@ -31,7 +31,12 @@ def case() -> Case:
     found, doubted = doubts.examined(found, design, ASKED)
     marked = len(scan.landmarks.vertex)
     made = Case(
-        found.registration, found.registration.matching, doubted, marked, design.diagonal_mm, ASKED.certain_mm(design)
+        found.registration,
+        found.registration.matching,
+        doubted,
+        marked,
+        design.diagonal_mm,
+        ASKED.certain_mm(design),
     )
     return with_rival(made, None)
 

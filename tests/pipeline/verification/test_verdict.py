@@ -20,7 +20,9 @@ from tests.pipeline.workflows.test_registration import save, scanned
 from tests.support import shapes
 from tests.support.designs import design_of
 
-QUICK = Settings(resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000))
+QUICK = Settings(
+    resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000)
+)
 
 
 def codes(result: pipeline.RegistrationResult) -> set[str]:
@@ -129,7 +131,11 @@ def test_the_part_of_the_scan_that_looks_alike_everywhere_is_ambiguous(tmp_path:
 
 @pytest.mark.parametrize("shape", ["torus", "tube", "sphere"])
 def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -> None:
-    made = {"torus": shapes.torus(), "tube": shapes.cylinder(6.0, 30.0, 64, 40), "sphere": shapes.icosphere(10.0, 4)}
+    made = {
+        "torus": shapes.torus(),
+        "tube": shapes.cylinder(6.0, 30.0, 64, 40),
+        "sphere": shapes.icosphere(10.0, 4),
+    }
     design = save(made[shape], tmp_path / "design.ply")
     result = pipeline.register(design, save(noisy(made[shape], 2), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "under_constrained"
@@ -174,9 +180,13 @@ def test_matches_are_of_the_pose_that_is_given() -> None:
     scan = analyse(noisy(part, 1), "scan", design.scales, QUICK, silent(), 0)
     side, matching = doubts.matched(scan, design, asked)
     length_mm = design.scales.matching_mm(QUICK)
-    turned = replace(matching.hypotheses[0], T_design_scan=quarter_turns()[1] @ matching.hypotheses[0].T_design_scan)
+    turned = replace(
+        matching.hypotheses[0], T_design_scan=quarter_turns()[1] @ matching.hypotheses[0].T_design_scan
+    )
     wrong = with_matches(design.side, side, (turned, *matching.hypotheses), turned.T_design_scan, length_mm)
-    right, misled = (doubts.registered(scan, side, each, design, asked).registration for each in (matching, wrong))
+    right, misled = (
+        doubts.registered(scan, side, each, design, asked).registration for each in (matching, wrong)
+    )
     moved = rigid.transformed(misled.best.T_design_scan, scan.landmarks.position_mm[misled.matching.scan])
     residual_mm = np.linalg.norm(moved - design.side.landmarks.position_mm[misled.matching.design], axis=1)
     assert len(residual_mm) >= 3 and residual_mm.max() <= length_mm
@@ -189,7 +199,9 @@ def test_two_places_without_any_noise_are_ambiguous(tmp_path: Path) -> None:
     part = shapes.rack()
     middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
     design = save(part, tmp_path / "design.ply")
-    result = pipeline.register(design, save(middle.moved(shapes.motion(3)), tmp_path / "scan.ply"), settings=QUICK)
+    result = pipeline.register(
+        design, save(middle.moved(shapes.motion(3)), tmp_path / "scan.ply"), settings=QUICK
+    )
     assert result.verdict.status == "ambiguous"
 
 
@@ -213,7 +225,9 @@ def test_descriptors_of_a_mirror_image_are_the_mirrored_descriptors() -> None:
     across = np.array([-1.0, 1.0, 1.0])
     image = Mesh(blob.vertices * across, blob.faces[:, ::-1])
     nobody = np.zeros(0, dtype=np.int64)
-    empty = LandmarkSet(nobody, np.zeros((0, 3)), np.zeros((0, 3)), nobody, np.zeros(0), np.zeros(0), np.zeros(0), 0.0)
+    empty = LandmarkSet(
+        nobody, np.zeros((0, 3)), np.zeros((0, 3)), nobody, np.zeros(0), np.zeros(0), np.zeros(0), 0.0
+    )
     settings = Settings().matching
     side = Side(blob, empty).reflected(3.0, settings)
     direct = fpfh(image, settings.descriptor_radius_lengths * 3.0)

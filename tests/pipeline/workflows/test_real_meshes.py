@@ -35,7 +35,9 @@ def test_a_depth_camera_scan_is_found_within_five_percent(name: str, kind: str, 
     found = np.array(result.transform.matrix)
     design, scan = read(folder / "cad_mm.stl"), read(folder / f"scan_mm_{kind}.ply")
     poses = json.loads((folder / "gt.json").read_text())["T_scan_from_cad"]
-    errors_mm = [rigid.rms_displacement(found, np.linalg.inv(np.array(pose)), scan.vertices) for pose in poses]
+    errors_mm = [
+        rigid.rms_displacement(found, np.linalg.inv(np.array(pose)), scan.vertices) for pose in poses
+    ]
     assert min(errors_mm) < 0.05 * design.diagonal_mm
 
 

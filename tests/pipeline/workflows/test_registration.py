@@ -47,7 +47,9 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def registered(design: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[pipeline.RegistrationResult, Path]:
+def registered(
+    design: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[pipeline.RegistrationResult, Path]:
     """One job with its files: scan = T_scan_design @ design, so the pose to find is the inverse."""
     folder = tmp_path_factory.mktemp("job")
     scan = save(scanned(shapes.motion(11)), folder / "scan.ply")
@@ -65,14 +67,18 @@ def test_known_motion_is_recovered(registered: tuple[pipeline.RegistrationResult
 
 def test_metrics_order_and_ratio(registered: tuple[pipeline.RegistrationResult, Path]) -> None:
     metrics = registered[0].metrics
-    assert metrics.rmse_mm is not None and metrics.rmse_landmarks_mm is not None and metrics.k_ratio is not None
+    assert (
+        metrics.rmse_mm is not None and metrics.rmse_landmarks_mm is not None and metrics.k_ratio is not None
+    )
     assert metrics.rmse_mm < metrics.rmse_landmarks_mm < metrics.rmse_initial_mm
     assert metrics.k_ratio == pytest.approx(metrics.rmse_complete_mm / metrics.rmse_landmarks_mm)
     assert metrics.fitness == pytest.approx(1.0) and metrics.scan_overlap == pytest.approx(1.0)
     assert metrics.rmse_mm == pytest.approx(NOISE_MM, rel=0.5)
 
 
-def test_rmse_is_what_the_files_say_by_another_route(registered: tuple[pipeline.RegistrationResult, Path]) -> None:
+def test_rmse_is_what_the_files_say_by_another_route(
+    registered: tuple[pipeline.RegistrationResult, Path],
+) -> None:
     """aligned.ply against design.clean.ply, every triangle tried, area-weighted: no tree, no ray caster."""
     result, out = registered
     aligned = trimesh.load(out / "aligned.ply", process=False)
@@ -114,7 +120,18 @@ def test_files_are_the_contract(registered: tuple[pipeline.RegistrationResult, P
         with (out / f"{mesh}.vertices.csv").open() as stream:
             rows = list(csv.DictReader(stream))
         clean = trimesh.load(out / f"{mesh}.clean.ply", process=False)
-        assert list(rows[0]) == ["vertex", "x_mm", "y_mm", "z_mm", "segment", "halo", "rho", "delta", "t2", "landmark"]
+        assert list(rows[0]) == [
+            "vertex",
+            "x_mm",
+            "y_mm",
+            "z_mm",
+            "segment",
+            "halo",
+            "rho",
+            "delta",
+            "t2",
+            "landmark",
+        ]
         xyz = np.array([[float(row[k]) for k in ("x_mm", "y_mm", "z_mm")] for row in rows])
         np.testing.assert_array_equal(xyz, clean.vertices)
         segments = getattr(result.segments, mesh)
@@ -126,7 +143,9 @@ def test_files_are_the_contract(registered: tuple[pipeline.RegistrationResult, P
         landmarks = list(csv.DictReader(stream))
     assert list(landmarks[0])[:6] == ["mesh", "id", "vertex", "x_mm", "y_mm", "z_mm"]
     matched = {
-        (int(row["id"]), int(row["matched_to"])) for row in landmarks if row["mesh"] == "design" and row["matched_to"]
+        (int(row["id"]), int(row["matched_to"]))
+        for row in landmarks
+        if row["mesh"] == "design" and row["matched_to"]
     }
     assert matched == {(match.design, match.scan) for match in result.landmarks.matches}
 
@@ -244,5 +263,7 @@ def test_same_bytes_with_any_number_of_threads(design: Path, tmp_path: Path) -> 
     for path in sorted(one.iterdir()):
         first, second = path.read_bytes(), (three / path.name).read_bytes()
         if path.name == "results.json":
-            first, second = (json.dumps(json.loads(text) | {"timings_s": None}).encode() for text in (first, second))
+            first, second = (
+                json.dumps(json.loads(text) | {"timings_s": None}).encode() for text in (first, second)
+            )
         assert first == second, path.name

@@ -25,7 +25,9 @@ def quick(**segmentation: object) -> Settings:
     return Settings.model_validate({**QUICK, "segmentation": segmentation})
 
 
-def bead_of(xyz: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+def bead_of(
+    xyz: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
     """Which bead each point is on, -1 on the rod between."""
     number = np.clip(np.round(xyz[:, 0] / PITCH_MM), 0, 2).astype(np.int64)
     return np.where(np.abs(xyz[:, 0] - PITCH_MM * number) < 4.5, number, -1)
@@ -72,7 +74,12 @@ def test_without_a_number_other_methods_take_that_of_density_peaks(beads: Path) 
 def test_files_are_what_the_record_says(beads: Path, tmp_path: Path) -> None:
     settings = quick(n_centres=3)
     result = find_segments(MeshFile(beads, unit="cm"), settings=settings, out=tmp_path / "once", seed=4)
-    assert result.files == ["mesh.decision_graph.svg", "mesh.segments.ply", "mesh.vertices.csv", "results.json"]
+    assert result.files == [
+        "mesh.decision_graph.svg",
+        "mesh.segments.ply",
+        "mesh.vertices.csv",
+        "results.json",
+    ]
     assert sorted(path.name for path in (tmp_path / "once").iterdir()) == result.files
     told = json.loads((tmp_path / "once" / "results.json").read_text())
     assert told == result.model_dump(mode="json")
@@ -88,7 +95,8 @@ def test_files_are_what_the_record_says(beads: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(xyz, painted.vertices)
     np.testing.assert_allclose(np.ptp(xyz, axis=0)[0], 580.0)  # 58 units of a centimetre
     colours = palette.of_vertices(
-        np.array([int(row["segment"]) for row in rows], dtype=np.int32), np.array([row["halo"] == "1" for row in rows])
+        np.array([int(row["segment"]) for row in rows], dtype=np.int32),
+        np.array([row["halo"] == "1" for row in rows]),
     )
     assert np.abs(painted.visual.vertex_colors[:, :3] / 255 - colours).max() < 0.01
     assert {(row["t2"], row["landmark"]) for row in rows} == {("0.0", "0")}

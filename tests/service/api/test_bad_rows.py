@@ -35,8 +35,12 @@ def test_a_list_leaves_out_what_cannot_be_read_and_shows_the_rest(service: Servi
     assert service.http.get("/metrics").status_code == 200
 
 
-@pytest.mark.parametrize("damage", [{"options": "[1]"}, {"options": '"words"'}, {"type": "of_a_later_version"}])
-def test_a_job_whose_webhook_cannot_be_read_ends_all_the_same(service: Service, damage: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "damage", [{"options": "[1]"}, {"options": '"words"'}, {"type": "of_a_later_version"}]
+)
+def test_a_job_whose_webhook_cannot_be_read_ends_all_the_same(
+    service: Service, damage: dict[str, str]
+) -> None:
     waits, runs = service.submitted(), service.submitted('{"webhook": {"url": "http://93.184.216.34/"}}')
     assert service.jobs.claim(runs, "worker-2") is not None
     for job_id in (waits, runs):

@@ -81,6 +81,8 @@ def test_a_hostile_file_name_is_only_a_hint(service: Service, filename: str) -> 
 
 def test_a_broken_form_is_a_bad_request(service: Service) -> None:
     headers = {"content-type": "multipart/form-data; boundary=x"}
-    assert_problem(service.http.post("/v1/jobs", content=b"--y\r\nnonsense", headers=headers), 400, "bad_request")
+    assert_problem(
+        service.http.post("/v1/jobs", content=b"--y\r\nnonsense", headers=headers), 400, "bad_request"
+    )
     headers = {"content-type": "multipart/form-data"}
     assert_problem(service.http.post("/v1/jobs", content=b"", headers=headers), 400, "bad_request")

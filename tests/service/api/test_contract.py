@@ -33,7 +33,12 @@ EXAMPLES = 300 if os.environ.get("CUSP_TEST_NIGHTLY") else 15
 IDS = [new_id(), new_id()]
 load_all_checks()
 CHECKS = ALL_CHECKS.get_by_names(
-    ["not_a_server_error", "status_code_conformance", "content_type_conformance", "response_schema_conformance"]
+    [
+        "not_a_server_error",
+        "status_code_conformance",
+        "content_type_conformance",
+        "response_schema_conformance",
+    ]
 )
 
 document = create_app(ServiceSettings.model_construct()).openapi()
@@ -98,7 +103,9 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str
 @contextmanager
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ServiceSettings]]:
     """A service with two jobs."""
-    made = ServiceSettings(data_dir=tmp_path_factory.mktemp("contract") / "data", max_upload_mib=1, rate_limit_per_s=0)
+    made = ServiceSettings(
+        data_dir=tmp_path_factory.mktemp("contract") / "data", max_upload_mib=1, rate_limit_per_s=0
+    )
     made.make_folders()
     migrate(made.database)
     engine = open_database(made.database)

@@ -25,11 +25,14 @@ def test_the_example_of_the_standard() -> None:
     """RFC 9530, appendix D: the digest of the content {"hello": "world"} and a line feed."""
     content = b'{"hello": "world"}\n'
     assert (
-        content_digest(hashlib.sha256(content).hexdigest()) == "sha-256=:RK/0qy18MlBSVnWgjwz6lZEWjP/lF5HF9bvEF8FabDg=:"
+        content_digest(hashlib.sha256(content).hexdigest())
+        == "sha-256=:RK/0qy18MlBSVnWgjwz6lZEWjP/lF5HF9bvEF8FabDg=:"
     )
 
 
-@pytest.mark.parametrize("digest", [RIGHT, f"sha-512=:AAAA:, {RIGHT}", "sha-512=:AAAA:", RIGHT.replace("sha", "SHA")])
+@pytest.mark.parametrize(
+    "digest", [RIGHT, f"sha-512=:AAAA:, {RIGHT}", "sha-512=:AAAA:", RIGHT.replace("sha", "SHA")]
+)
 def test_a_right_digest_is_taken_and_an_unknown_algorithm_left_alone(service: Service, digest: str) -> None:
     assert put(service, digest) == (200, None)
 

@@ -27,7 +27,9 @@ NAMES = [
 
 def get(service: Service, path: str, method: str = "GET") -> tuple[int, dict[str, str]]:
     """As it stands: httpx would tidy the path first."""
-    connection = http.client.HTTPConnection(service.http.base_url.host, service.http.base_url.port or 80, timeout=10)
+    connection = http.client.HTTPConnection(
+        service.http.base_url.host, service.http.base_url.port or 80, timeout=10
+    )
     connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
     connection.putheader("Host", "localhost")
     connection.endheaders()

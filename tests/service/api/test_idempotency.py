@@ -16,7 +16,9 @@ MESHES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 
 def post(service: Service, key: str, options: str = "{}", **changed: tuple[str, bytes]) -> httpx.Response:
     files = MESHES | changed
-    return service.http.post("/v1/jobs", files=files, data={"options": options}, headers={"Idempotency-Key": key})
+    return service.http.post(
+        "/v1/jobs", files=files, data={"options": options}, headers={"Idempotency-Key": key}
+    )
 
 
 def test_the_same_request_is_the_same_job(service: Service) -> None:
@@ -33,7 +35,9 @@ def test_meshes_sent_before_as_blobs_are_the_same_meshes(service: Service) -> No
     first = post(service, "order-7").json()["id"]
     blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"}).json()["id"]
     ref = {"blob": blob, "filename": "renamed.obj"}
-    again = service.http.post("/v1/jobs", json={"design": ref, "scan": ref}, headers={"Idempotency-Key": "order-7"})
+    again = service.http.post(
+        "/v1/jobs", json={"design": ref, "scan": ref}, headers={"Idempotency-Key": "order-7"}
+    )
     assert again.json()["id"] == first
 
 
@@ -90,7 +94,9 @@ def test_a_request_that_is_sent_again_is_answered_though_the_queue_is_full(servi
     blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"}).json()["id"]
     ref = {"blob": blob, "filename": "a.obj"}
     assert post(service, "order-0").json()["id"] == first[0]
-    again = service.http.post("/v1/jobs", json={"design": ref, "scan": ref}, headers={"Idempotency-Key": "order-1"})
+    again = service.http.post(
+        "/v1/jobs", json={"design": ref, "scan": ref}, headers={"Idempotency-Key": "order-1"}
+    )
     assert again.json()["id"] == first[1]
     for key, status, code in (("order-new", 503, "queue_full"), ("order-0", 422, "idempotency_mismatch")):
         answer = post(service, key, '{"seed": 5}')
@@ -98,4 +104,6 @@ def test_a_request_that_is_sent_again_is_answered_though_the_queue_is_full(servi
     service.worker.run(first[0])
     service.http.delete(f"/v1/jobs/{first[0]}")
     post(service, "order-7")
-    assert post(service, "order-0").json()["code"] == "queue_full"  # its job is gone: this would start another
+    assert (
+        post(service, "order-0").json()["code"] == "queue_full"
+    )  # its job is gone: this would start another

@@ -117,11 +117,15 @@ def test_unknown_blobs_and_fields_are_named(service: Service) -> None:
     assert_problem(
         service.http.post("/v1/jobs", json={**given, "more": 1}), 422, "invalid_request", "more: unknown key"
     )
-    assert_problem(service.http.post("/v1/jobs", json={"design": {"blob": "x"}}), 422, "invalid_request", "design.blob")
+    assert_problem(
+        service.http.post("/v1/jobs", json={"design": {"blob": "x"}}), 422, "invalid_request", "design.blob"
+    )
     assert_problem(service.http.post("/v1/jobs", json=[1]), 422, "invalid_request", "object")
     not_json = service.http.post("/v1/jobs", content=b"{", headers={"content-type": "application/json"})
     assert_problem(not_json, 400, "bad_request", "JSON")
-    assert_problem(service.http.post("/v1/jobs", content=b"x"), 415, "unsupported_media_type", "multipart/form-data")
+    assert_problem(
+        service.http.post("/v1/jobs", content=b"x"), 415, "unsupported_media_type", "multipart/form-data"
+    )
     assert service.http.head(f"/v1/blobs/{blob}").status_code == 404
 
 
@@ -171,7 +175,9 @@ def test_a_listing_is_paged_and_filtered(service: Service) -> None:
     seen: list[str] = []
     cursor: str | None = None
     while True:
-        page = service.http.get("/v1/jobs", params={"limit": 2} | ({"cursor": cursor} if cursor else {})).json()
+        page = service.http.get(
+            "/v1/jobs", params={"limit": 2} | ({"cursor": cursor} if cursor else {})
+        ).json()
         seen += [job["id"] for job in page["jobs"]]
         cursor = page["next"]
         if cursor is None:

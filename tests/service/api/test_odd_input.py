@@ -34,7 +34,12 @@ def test_json_that_is_just_read_is_refused_by_its_meaning(
     service: Service, depth: int, opening: str, closing: str
 ) -> None:
     deep = opening * depth + "1" + closing * depth
-    for options in (deep, f'{{"settings": {deep}}}', f'{{"settings": {{"clean": {deep}}}}}', f'{{"study": {deep}}}'):
+    for options in (
+        deep,
+        f'{{"settings": {deep}}}',
+        f'{{"settings": {{"clean": {deep}}}}}',
+        f'{{"study": {deep}}}',
+    ):
         answer = service.submit(options)
         assert answer.status_code in (400, 422), answer.text
         body = f'{{"type": "registration", "options": {options}}}'
@@ -43,11 +48,17 @@ def test_json_that_is_just_read_is_refused_by_its_meaning(
 
 @pytest.mark.parametrize("number", ["1" * 5000, "1e999", "-1e999", "NaN", "1" + "0" * 400])
 def test_numbers_beyond_all_bounds_are_refused(service: Service, number: str) -> None:
-    for options in (f'{{"seed": {number}}}', f'{{"tolerance_mm": {number}}}', f'{{"settings": {{"clean": {number}}}}}'):
+    for options in (
+        f'{{"seed": {number}}}',
+        f'{{"tolerance_mm": {number}}}',
+        f'{{"settings": {{"clean": {number}}}}}',
+    ):
         assert service.submit(options).status_code in (400, 422)
 
 
-@pytest.mark.parametrize("digest", ["sha-256=:ä:", "sha-256=:\xff\xfe:", "sha-256=:====:", "sha-256=:A:", "sha-256=::"])
+@pytest.mark.parametrize(
+    "digest", ["sha-256=:ä:", "sha-256=:\xff\xfe:", "sha-256=:====:", "sha-256=:A:", "sha-256=::"]
+)
 def test_a_digest_that_is_none_is_refused_and_nothing_stays(service: Service, digest: str) -> None:
     headers = {"Content-Digest": digest.encode("latin-1")}
     answer = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, headers=headers)  # type: ignore[arg-type]
@@ -91,7 +102,9 @@ def test_when_the_second_mesh_cannot_be_stored_the_first_does_not_stay(
     assert stored(service) == []
 
 
-def test_a_client_that_goes_away_is_no_mistake_of_ours(service: Service, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_client_that_goes_away_is_no_mistake_of_ours(
+    service: Service, capsys: pytest.CaptureFixture[str]
+) -> None:
     address = httpx.URL(str(service.http.base_url))
     for head in ("PUT /v1/blobs HTTP/1.1", "POST /v1/jobs HTTP/1.1\r\nContent-Type: application/json"):
         with socket.create_connection((address.host, address.port)) as connection:

@@ -49,12 +49,17 @@ def test_every_field_and_parameter_says_what_it_is_and_shows_one() -> None:
     assert len(fields) > 250
     assert not [name for name, each in fields.items() if "description" not in each]
     # What is an object has its examples inside.
-    assert not [name for name, each in fields.items() if "examples" not in each and "$ref" not in json.dumps(each)]
+    assert not [
+        name for name, each in fields.items() if "examples" not in each and "$ref" not in json.dumps(each)
+    ]
     for name, each in fields.items():
         for example in each.get("examples", []):
             jsonschema.validate(example, {**each, "components": document["components"]}), name
     parameters = [
-        each for path in document["paths"].values() for way in path.values() for each in way.get("parameters", [])
+        each
+        for path in document["paths"].values()
+        for way in path.values()
+        for each in way.get("parameters", [])
     ]
     assert parameters and all("description" in each for each in parameters)
 
@@ -67,7 +72,9 @@ def test_field_examples_are_up_to_date() -> None:
 
 
 def test_examples_are_up_to_date() -> None:
-    on_disk = {path.name for path in (FOLDER / "examples").glob("*.json") if not path.name.startswith("results.")}
+    on_disk = {
+        path.name for path in (FOLDER / "examples").glob("*.json") if not path.name.startswith("results.")
+    }
     assert on_disk == set(examples()), "run `cusp openapi`"
     for name, content in examples().items():
         assert (FOLDER / "examples" / name).read_text() == as_text(content), "run `cusp openapi`"

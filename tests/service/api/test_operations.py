@@ -24,7 +24,10 @@ def test_a_request_has_an_id_in_the_answer_and_in_every_line_of_the_log(
     try:
         answer = service.http.post(
             "/v1/jobs",
-            files={"design": ("d.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "scan": ("s.txt", b"nothing")},
+            files={
+                "design": ("d.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+                "scan": ("s.txt", b"nothing"),
+            },
             headers={"X-Request-Id": "order-7"},
         )
         accepted = service.submit()

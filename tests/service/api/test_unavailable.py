@@ -15,7 +15,15 @@ from service.storage.database import open_database
 from tests.service.api.test_jobs import assert_problem
 from tests.service.conftest import TRIANGLE_OBJ, Service, serving
 
-ADDRESSES = ["/readyz", "/metrics", "/v1/jobs", "/v1/jobs/x", "/v1/jobs/x/results", "/v1/jobs/x/files", "/v1/limits"]
+ADDRESSES = [
+    "/readyz",
+    "/metrics",
+    "/v1/jobs",
+    "/v1/jobs/x",
+    "/v1/jobs/x/results",
+    "/v1/jobs/x/files",
+    "/v1/limits",
+]
 FILES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 
 
@@ -70,7 +78,9 @@ def test_what_passes_is_told_apart_from_a_mistake(
     assert not [path for path in service.settings.blob_dir.rglob("*") if path.is_file()]
 
 
-@pytest.mark.parametrize("error", [ValueError("odd"), FileNotFoundError("a file that should be there"), KeyError("x")])
+@pytest.mark.parametrize(
+    "error", [ValueError("odd"), FileNotFoundError("a file that should be there"), KeyError("x")]
+)
 def test_a_mistake_stays_one(service: Service, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error

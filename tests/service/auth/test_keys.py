@@ -48,7 +48,9 @@ def submitted(http: httpx.Client) -> httpx.Response:
     return http.post("/v1/jobs", files={"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)})
 
 
-def test_a_key_is_known_by_its_whole_text_and_stored_as_a_hash_only(keys: KeyStore, settings: ServiceSettings) -> None:
+def test_a_key_is_known_by_its_whole_text_and_stored_as_a_hash_only(
+    keys: KeyStore, settings: ServiceSettings
+) -> None:
     row, key = keys.create("acme", [Scope.READ], "line 2")
     secret = key.split("_", 2)[2]
     caller = keys.caller(key)
@@ -83,13 +85,17 @@ def test_a_revoked_key_is_refused_and_does_not_open_the_service(service: Service
 @pytest.mark.parametrize(
     "header", [{}, {"Authorization": "Basic YTpi"}, {"Authorization": "Bearer"}, bearer("cusp_a_b")]
 )
-def test_every_address_but_the_probes_needs_a_key(service: Service, keys: KeyStore, header: dict[str, str]) -> None:
+def test_every_address_but_the_probes_needs_a_key(
+    service: Service, keys: KeyStore, header: dict[str, str]
+) -> None:
     keys.create("acme", BOTH)
     paths = create_app(service.settings).openapi()["paths"]
     asked = 0
     for path, operations in paths.items():
         for method in operations:
-            answer = service.http.request(method, path.format(job_id="x", name="x", blob_id="x"), headers=header)
+            answer = service.http.request(
+                method, path.format(job_id="x", name="x", blob_id="x"), headers=header
+            )
             if path in OPEN:
                 assert answer.status_code != 401, path
             else:
@@ -114,7 +120,9 @@ def test_a_key_allows_what_its_scopes_say(service: Service, keys: KeyStore) -> N
         ]
         assert [answer.status_code for answer in refused] == [403] * 5
         assert {answer.json()["code"] for answer in refused} == {"forbidden"}
-        assert reads.get(f"/v1/jobs/{job_id}").status_code == admin.get(f"/v1/jobs/{job_id}").status_code == 200
+        assert (
+            reads.get(f"/v1/jobs/{job_id}").status_code == admin.get(f"/v1/jobs/{job_id}").status_code == 200
+        )
 
 
 def test_another_tenants_job_is_not_there(service: Service, keys: KeyStore) -> None:
@@ -130,7 +138,10 @@ def test_another_tenants_job_is_not_there(service: Service, keys: KeyStore) -> N
             answer = other.request(method, f"/v1/jobs/{job_id}{path}")
             assert (answer.status_code, answer.json()["code"]) == (404, "job_not_found"), path
         unknown = other.get(f"/v1/jobs/{job_id[:-1]}0").json()
-        assert unknown["detail"].replace(f"{job_id[:-1]}0", job_id) == other.get(f"/v1/jobs/{job_id}").json()["detail"]
+        assert (
+            unknown["detail"].replace(f"{job_id[:-1]}0", job_id)
+            == other.get(f"/v1/jobs/{job_id}").json()["detail"]
+        )
         assert other.get("/v1/jobs").json()["jobs"] == []
         assert other.get("/v1/jobs", params={"cursor": "f" * 36}).json()["jobs"] == []
         assert [job["id"] for job in own.get("/v1/jobs").json()["jobs"]] == [job_id]
@@ -145,7 +156,9 @@ def test_another_tenants_blob_is_not_there_until_sent(service: Service, keys: Ke
         assert (refused.status_code, refused.json()["code"]) == (422, "unknown_blob")
         assert other.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"}).json()["id"] == blob
         assert other.head(f"/v1/blobs/{blob}").status_code == own.head(f"/v1/blobs/{blob}").status_code == 200
-        assert other.post("/v1/jobs", json=job).status_code == own.post("/v1/jobs", json=job).status_code == 202
+        assert (
+            other.post("/v1/jobs", json=job).status_code == own.post("/v1/jobs", json=job).status_code == 202
+        )
 
 
 @pytest.mark.parametrize("tenant", ["", "Acme", "a b", "../x", "a/b", "-a", "a" * 65, "a\n", "ä"])

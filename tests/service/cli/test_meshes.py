@@ -24,7 +24,11 @@ def blob(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("settings") / "quick.json"
-    settings = {"resample": {"target_vertices": 400}, "segmentation": {"n_centres": 9}, "landmarks": {"count": 7}}
+    settings = {
+        "resample": {"target_vertices": 400},
+        "segmentation": {"n_centres": 9},
+        "landmarks": {"count": 7},
+    }
     path.write_text(json.dumps(settings))
     return path
 
@@ -56,7 +60,9 @@ def test_segment_writes_the_files_and_says_what_it_found(blob: Path, quick: Path
     assert result.provenance.inputs.mesh.mm_per_unit == 10.0
 
 
-def test_segment_as_json_is_the_results_and_the_settings_file_counts(blob: Path, quick: Path, tmp_path: Path) -> None:
+def test_segment_as_json_is_the_results_and_the_settings_file_counts(
+    blob: Path, quick: Path, tmp_path: Path
+) -> None:
     told = done("segment", blob, "--out", tmp_path, "--settings", quick, "--json")
     assert SegmentsResult.model_validate_json(told).segments.mesh.count == 9
 
@@ -64,7 +70,9 @@ def test_segment_as_json_is_the_results_and_the_settings_file_counts(blob: Path,
 # --- landmarks
 
 
-def test_landmarks_writes_the_files_and_says_how_many_are_where(blob: Path, quick: Path, tmp_path: Path) -> None:
+def test_landmarks_writes_the_files_and_says_how_many_are_where(
+    blob: Path, quick: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     told = done("landmarks", blob, "--out", out, "--settings", quick, "--unit", "cm", "--count", 3)
     result = LandmarksResult.model_validate_json((out / "results.json").read_text())
@@ -79,7 +87,9 @@ def test_landmarks_writes_the_files_and_says_how_many_are_where(blob: Path, quic
     assert sum(int(row[2]) for row in rows) == found
 
 
-def test_landmarks_as_json_is_the_results_of_the_detector_asked(blob: Path, quick: Path, tmp_path: Path) -> None:
+def test_landmarks_as_json_is_the_results_of_the_detector_asked(
+    blob: Path, quick: Path, tmp_path: Path
+) -> None:
     told = done("landmarks", blob, "--detector", "farthest", "--out", tmp_path, "--settings", quick, "--json")
     result = LandmarksResult.model_validate_json(told)
     assert result.provenance.settings["landmarks"]["detector"] == "farthest"
@@ -113,7 +123,18 @@ def test_study_writes_the_files_and_prints_a_row_a_detector(blob: Path, quick: P
 
 def test_study_as_json_is_the_results_of_the_kind_asked(blob: Path, quick: Path, tmp_path: Path) -> None:
     told = done(
-        *("study", blob, "--kind", "repeatability", "--trials", 1, "--detectors", "t2, random", "--eps", 0.02),
+        *(
+            "study",
+            blob,
+            "--kind",
+            "repeatability",
+            "--trials",
+            1,
+            "--detectors",
+            "t2, random",
+            "--eps",
+            0.02,
+        ),
         *("--out", tmp_path, "--settings", quick, "--json"),
     )
     result = StudyResult.model_validate_json(told)

@@ -22,7 +22,12 @@ def test_a_form_with_one_mesh_starts_a_job_of_its_type(service: Service, kind: s
     assert (job["type"], job["status"], job["label"]) == (kind, "accepted", "part 7")
     service.worker.run(job["id"])
     (task,) = service.sandbox.tasks
-    assert (task["type"], task["seed"], task["mesh"]["unit"], task["mesh"]["filename"]) == (kind, 5, "cm", "m.obj")
+    assert (task["type"], task["seed"], task["mesh"]["unit"], task["mesh"]["filename"]) == (
+        kind,
+        5,
+        "cm",
+        "m.obj",
+    )
     assert "design" not in task
     assert service.status(job["id"])["status"] == "successful"
 
@@ -30,7 +35,9 @@ def test_a_form_with_one_mesh_starts_a_job_of_its_type(service: Service, kind: s
 @pytest.mark.parametrize("kind", ONE_MESH)
 def test_json_with_a_blob_starts_a_job_of_its_type(service: Service, kind: str) -> None:
     blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "m.obj"}).json()["id"]
-    answer = service.http.post("/v1/jobs", json={"type": kind, "mesh": {"blob": blob}, "options": {"seed": 3}})
+    answer = service.http.post(
+        "/v1/jobs", json={"type": kind, "mesh": {"blob": blob}, "options": {"seed": 3}}
+    )
     assert answer.status_code == 202, answer.text
     assert answer.json()["type"] == kind
     service.worker.run(answer.json()["id"])
@@ -57,7 +64,9 @@ def test_a_registration_is_what_a_job_without_a_type_is(service: Service) -> Non
 
 
 def test_a_listing_is_filtered_by_type(service: Service) -> None:
-    ids = {kind: service.submit_one(kind).json()["id"] for kind in ONE_MESH} | {"registration": service.submitted()}
+    ids = {kind: service.submit_one(kind).json()["id"] for kind in ONE_MESH} | {
+        "registration": service.submitted()
+    }
     for kind, job_id in ids.items():
         jobs = service.http.get("/v1/jobs", params={"type": kind}).json()["jobs"]
         assert [job["id"] for job in jobs] == [job_id]
@@ -67,7 +76,9 @@ def test_a_type_that_is_none_is_refused_with_those_that_are(service: Service) ->
     words = ("'nonsense'", "registration, landmarks, study")
     assert_problem(service.submit_one("nonsense"), 422, "unsupported_type", *words)
     assert_problem(service.http.post("/v1/jobs", json={"type": "nonsense"}), 422, "unsupported_type", *words)
-    assert_problem(service.http.post("/v1/jobs", json={"type": ["study"]}), 422, "unsupported_type", "['study']")
+    assert_problem(
+        service.http.post("/v1/jobs", json={"type": ["study"]}), 422, "unsupported_type", "['study']"
+    )
 
 
 FILE = ("m.obj", TRIANGLE_OBJ)
@@ -76,7 +87,11 @@ FILE = ("m.obj", TRIANGLE_OBJ)
 @pytest.mark.parametrize(
     ("kind", "parts", "words"),
     [
-        ("landmarks", ("design",), "design: a landmarks job takes mesh instead; design is for type registration"),
+        (
+            "landmarks",
+            ("design",),
+            "design: a landmarks job takes mesh instead; design is for type registration",
+        ),
         ("study", ("mesh", "scan"), "scan: a study job takes mesh instead; scan is for type registration"),
         (
             "registration",
@@ -87,7 +102,9 @@ FILE = ("m.obj", TRIANGLE_OBJ)
         ("study", (), "mesh: "),
     ],
 )
-def test_a_part_of_another_type_is_named(service: Service, kind: str, parts: tuple[str, ...], words: str) -> None:
+def test_a_part_of_another_type_is_named(
+    service: Service, kind: str, parts: tuple[str, ...], words: str
+) -> None:
     form = service.http.post("/v1/jobs", files=dict.fromkeys((*parts, "type"), FILE) | {"type": (None, kind)})
     assert_problem(form, 422, "invalid_request", words)
     blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "m.obj"}).json()["id"]
@@ -115,8 +132,16 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_under_its_name(service: Service
         ("landmarks", {"study": {"trials": 3}}, "options.study: a landmarks job has no use for it"),
         ("registration", {"study": {}}, "options.study: a registration job has no use for it"),
         ("landmarks", {"tolerance_mm": 0.1}, "options.tolerance_mm: a landmarks job"),
-        ("study", {"units": {"design": "mm"}}, "options.units.design: a study job has no such mesh, only mesh"),
-        ("registration", {"units": {"mesh": "mm"}}, "options.units.mesh: a registration job has no such mesh"),
+        (
+            "study",
+            {"units": {"design": "mm"}},
+            "options.units.design: a study job has no such mesh, only mesh",
+        ),
+        (
+            "registration",
+            {"units": {"mesh": "mm"}},
+            "options.units.mesh: a registration job has no such mesh",
+        ),
         ("study", {"units": {"mesh": "ell"}}, "options.units.mesh"),
         ("study", {"study": {"kind": "guess"}}, "options.study.kind"),
         ("study", {"study": {"trials": 0}}, "options.study.trials"),

@@ -41,7 +41,11 @@ EVIL_WORDS = [
     b"1e-320",
 ]
 EVIL_BYTES = [b"\x00" * 4, b"\xff" * 4, b"\xff\xff\xff\x7f", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"]
-SMALL = {"resample": {"target_vertices": 200}, "features": {"target_vertices": 200}, "report": {"write_files": False}}
+SMALL = {
+    "resample": {"target_vertices": 200},
+    "features": {"target_vertices": 200},
+    "report": {"write_files": False},
+}
 
 
 def sources() -> dict[str, bytes]:
@@ -129,7 +133,9 @@ def test_every_broken_mesh_ends_with_a_result_or_a_reason(sandbox: Sandbox, tmp_
     reasons = {vars(error)["code"] for error in TABLE if issubclass(error, PipelineError)}
     given = list(cases())
     with ThreadPoolExecutor(2) as pool:
-        outcomes = list(pool.map(lambda each: run(sandbox, tmp_path / str(each[0]), *each[1]), enumerate(given)))
+        outcomes = list(
+            pool.map(lambda each: run(sandbox, tmp_path / str(each[0]), *each[1]), enumerate(given))
+        )
     codes = Counter("done" if each.problem is None else each.problem.code for each in outcomes)
     surprises = [
         (number, given[number][0], each.problem)
@@ -143,7 +149,9 @@ def test_every_broken_mesh_ends_with_a_result_or_a_reason(sandbox: Sandbox, tmp_
     assert whole.kind == "done", whole
 
 
-@given(st.binary(max_size=400) | st.sampled_from(sorted(sources().values())), st.text(max_size=20) | st.none())
+@given(
+    st.binary(max_size=400) | st.sampled_from(sorted(sources().values())), st.text(max_size=20) | st.none()
+)
 def test_a_look_at_an_upload_never_fails_but_on_purpose(head: bytes, name: str | None) -> None:
     try:
         detect_format(head[: pipeline.HEAD_BYTES], len(head), name, mesh="mesh")

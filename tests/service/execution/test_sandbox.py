@@ -31,8 +31,12 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
         sandbox.stop()
 
 
-def run(sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object) -> Outcome:
-    return sandbox.run("job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted)
+def run(
+    sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object
+) -> Outcome:
+    return sandbox.run(
+        "job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted
+    )
 
 
 def is_alive(pid: int) -> bool:
@@ -62,7 +66,9 @@ def wait_until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
         ("refuses", "truncated_file", "scan: the file ends in the middle of a triangle"),
     ],
 )
-def test_a_bad_end_is_a_failure_with_its_reason(make: Make, tmp_path: Path, target: str, code: str, words: str) -> None:
+def test_a_bad_end_is_a_failure_with_its_reason(
+    make: Make, tmp_path: Path, target: str, code: str, words: str
+) -> None:
     sandbox = make(target)
     for _ in range(2):  # the second shows that the zygote lives on
         outcome = run(sandbox, tmp_path)
@@ -118,7 +124,14 @@ def test_nothing_outlives_the_worker(make: Make, tmp_path: Path) -> None:
 def test_a_job_gets_neither_our_passwords_nor_our_keys(
     make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("CUSP_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD", "MY_TOKEN", "HTTPS_PROXY", "LD_PRELOAD_"):
+    for name in (
+        "CUSP_DATABASE_URL",
+        "AWS_SECRET_ACCESS_KEY",
+        "PGPASSWORD",
+        "MY_TOKEN",
+        "HTTPS_PROXY",
+        "LD_PRELOAD_",
+    ):
         monkeypatch.setenv(name, "secret")
     monkeypatch.setenv("LC_ALL", "C.UTF-8")
     assert run(make("shows_environment"), tmp_path).kind == "done"
@@ -151,7 +164,9 @@ def test_a_task_may_be_as_large_as_a_request(make: Make, tmp_path: Path) -> None
         ("talks_nonsense", "job_crashed"),
     ],
 )
-def test_a_neighbour_of_a_job_that_misbehaves_runs_on(make: Make, tmp_path: Path, misbehave: str, code: str) -> None:
+def test_a_neighbour_of_a_job_that_misbehaves_runs_on(
+    make: Make, tmp_path: Path, misbehave: str, code: str
+) -> None:
     sandbox = make("any_of_them")
     good, bad = tmp_path / "good", tmp_path / "bad"
     good.mkdir()

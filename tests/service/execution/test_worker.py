@@ -117,7 +117,9 @@ def test_a_job_whose_ticket_was_lost_gets_another(service: Service, monkeypatch:
     assert service.waiting == [job_id]
 
 
-def test_a_ticket_that_a_gone_worker_holds_is_made_anew(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ticket_that_a_gone_worker_holds_is_made_anew(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It was handed back, and its worker does not come again."""
     held, waits = service.submitted(), service.submitted()
     assert service.waiting == [held, waits]

@@ -26,7 +26,9 @@ def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.execution.heartbeat.BEAT_INTERVAL_S", 0.01)
 
 
-def failing_first(times: int, act: Callable[..., Any], error: Exception, *, after: bool = False) -> Callable[..., Any]:
+def failing_first(
+    times: int, act: Callable[..., Any], error: Exception, *, after: bool = False
+) -> Callable[..., Any]:
     """`act`, whose first calls fail: before it is done, or after, so that only the answer is lost."""
     left = [times]
 
@@ -147,7 +149,9 @@ def test_a_job_that_is_dismissed_while_it_is_fetched_is_not_computed_on(
 
 
 @pytest.mark.parametrize("what", ["fetch", "publish"])
-@pytest.mark.parametrize("error", [GenericError("503 SlowDown"), OSError("connection reset"), OSError(28, "no space")])
+@pytest.mark.parametrize(
+    "error", [GenericError("503 SlowDown"), OSError("connection reset"), OSError(28, "no space")]
+)
 def test_a_store_that_is_away_for_a_while_costs_no_job(
     service: Service, monkeypatch: pytest.MonkeyPatch, what: str, error: Exception
 ) -> None:
@@ -180,7 +184,9 @@ def test_a_mesh_that_is_gone_fails_its_job_by_name(service: Service) -> None:
     assert error["code"] == "unknown_blob" and error["detail"].startswith("design: ")  # they are one blob
 
 
-def test_a_cache_of_designs_that_is_away_costs_no_job(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_of_designs_that_is_away_costs_no_job(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(name: str, path: Path) -> bool:
         path.write_bytes(b"half of it")
         raise GenericError("503 SlowDown")
@@ -210,7 +216,9 @@ def test_a_worker_that_stops_waits_for_no_store(service: Service, monkeypatch: p
     assert [row.id for row in service.worker.handed_back] == [job_id]
 
 
-def test_what_the_database_tells_of_is_on_the_disk_before_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_database_tells_of_is_on_the_disk_before_it(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """After a loss of power an accepted job has its meshes, and a successful one its files."""
     settled: set[str] = set()
     told: list[tuple[str, set[str]]] = []

@@ -43,7 +43,11 @@ def test_jobs_are_counted_by_how_they_ended(service: Service) -> None:
     found = samples(service)
     assert found["cusp_jobs_ended_total", "successful"] == 2
     assert found["cusp_jobs_ended_total", "not_found"] == 1
-    assert (found["cusp_jobs", "accepted"], found["cusp_jobs", "successful"], found["cusp_jobs", "failed"]) == (1, 2, 1)
+    assert (
+        found["cusp_jobs", "accepted"],
+        found["cusp_jobs", "successful"],
+        found["cusp_jobs", "failed"],
+    ) == (1, 2, 1)
     assert found["cusp_child_peak_mib", "registration"] == 250.0
     assert found["cusp_stage_passes_total", "report"] == 2
     assert found["cusp_stage_seconds_total", "report"] >= 0
@@ -64,7 +68,9 @@ def test_every_end_is_counted_once_and_with_its_row(service: Service) -> None:
 
     def act(task: Any, on_progress: Any, is_wanted: Any) -> Outcome:
         service.http.delete(f"/v1/jobs/{dismissed}")
-        return service.sandbox.succeed(task, on_progress, is_wanted)  # too late: it is not counted as successful
+        return service.sandbox.succeed(
+            task, on_progress, is_wanted
+        )  # too late: it is not counted as successful
 
     service.sandbox.act = act
     service.worker.run(dismissed)
@@ -90,19 +96,29 @@ def test_counts_of_several_processes_add_up_and_outlive_them(service: Service) -
         metrics.peak_mib("study", 90.0)
         engine.dispose()
     found = samples(service)
-    assert (found["cusp_stage_seconds_total", "load"], found["cusp_stage_seconds_total", "clean"]) == (4.5, 1.5)
+    assert (found["cusp_stage_seconds_total", "load"], found["cusp_stage_seconds_total", "clean"]) == (
+        4.5,
+        1.5,
+    )
     assert found["cusp_child_peak_mib", "study"] == 100.0
 
 
 def test_a_service_that_did_nothing_tells_of_every_count(service: Service) -> None:
     told = service.http.get("/metrics").text
-    assert all(f"# TYPE {name}_total counter" in told or f"# TYPE {name} counter" in told for name in COUNTERS)
+    assert all(
+        f"# TYPE {name}_total counter" in told or f"# TYPE {name} counter" in told for name in COUNTERS
+    )
 
 
 def test_a_stage_is_passed_once_a_mesh_and_not_once_a_message() -> None:
     clock = StageClock()
     for stage, message in (
-        *(("load", "load: design"), ("load", "load: scan"), ("study", "study: 1 of 9"), ("study", "study: 2 of 9")),
+        *(
+            ("load", "load: design"),
+            ("load", "load: scan"),
+            ("study", "study: 1 of 9"),
+            ("study", "study: 2 of 9"),
+        ),
         ("load", "load: design"),
     ):
         clock.enter(stage, message)

@@ -88,7 +88,9 @@ def test_nothing_goes_where_everything_is_kept(service: Service) -> None:
     assert len(kept_files(service)) == 3
 
 
-def test_a_second_delete_removes_what_the_first_left(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_delete_removes_what_the_first_left(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The API was killed between the row and its files."""
     job_id = service.finished()
     assert service.jobs.remove(job_id)
@@ -106,7 +108,9 @@ def test_a_removed_jobs_files_go_before_its_row(service: Service) -> None:
     assert service.jobs.known_jobs([job_id]) == set()
 
 
-def test_files_that_cannot_be_deleted_keep_their_row(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_that_cannot_be_deleted_keep_their_row(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     job_id = service.finished()
     assert service.jobs.remove(job_id)
     with monkeypatch.context() as away:

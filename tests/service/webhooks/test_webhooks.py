@@ -125,7 +125,11 @@ def test_a_successful_job_is_told_and_the_signature_is_right(
     with pytest.raises(WebhookVerificationError):
         Webhook(secret).verify(body + b" ", headers)
     (delivered,) = told(service, job_id)
-    assert delivered["id"] == headers["webhook-id"] and delivered["state"] == "delivered" and delivered["next"] is None
+    assert (
+        delivered["id"] == headers["webhook-id"]
+        and delivered["state"] == "delivered"
+        and delivered["next"] is None
+    )
     assert [tried["status"] for tried in delivered["attempts"]] == [204]
     assert send_due(engine, poster, 1e6) == []  # once
 
@@ -187,7 +191,8 @@ def test_two_senders_do_not_send_the_same(service: Service, receiver: Receiver, 
     both = Deliveries(engine), Deliveries(engine)
     taken: list[str] = []
     threads = [
-        threading.Thread(target=lambda each=each: taken.extend(row.id for row in each.take(10))) for each in both
+        threading.Thread(target=lambda each=each: taken.extend(row.id for row in each.take(10)))
+        for each in both
     ]
     for thread in threads:
         thread.start()
@@ -273,12 +278,23 @@ def test_a_new_secret_signs_beside_the_old_for_a_day(
 def test_an_address_that_must_not_be_reached_is_refused_at_once(service: Service, url: str) -> None:
     answer = service.submit(json.dumps({"webhook": {"url": url}}))
     assert answer.status_code == 422
-    assert (answer.json()["code"], answer.json()["errors"][0]["pointer"]) == ("invalid_options", "/options/webhook/url")
+    assert (answer.json()["code"], answer.json()["errors"][0]["pointer"]) == (
+        "invalid_options",
+        "/options/webhook/url",
+    )
     assert service.waiting == []
 
 
 def test_loopback_is_refused_unless_it_is_allowed() -> None:
-    names = ["127.0.0.1:1", "127.0.0.1.", "localhost:1", "localhost.", "LOCALHOST", "a.localhost", "a.localhost."]
+    names = [
+        "127.0.0.1:1",
+        "127.0.0.1.",
+        "localhost:1",
+        "localhost.",
+        "LOCALHOST",
+        "a.localhost",
+        "a.localhost.",
+    ]
     old_ways = ["127.1", "2130706433", "0x7f.1", "017700000001", "0x7f000001"]
     for url in (f"http://{host}/" for host in (*names, *old_ways)):
         with pytest.raises(ForbiddenAddress):
@@ -310,7 +326,9 @@ def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
 def test_an_open_address_is_not_refused() -> None:
     Guard().check("example.org", ip_address("93.184.216.34"))
     Guard().check("example.org", ip_address("2606:2800:220:1:248:1893:25c8:1946"))
-    Guard().check("example.org", ip_address("64:ff9b::5db8:d822"))  # the first one's, where there is only IPv6
+    Guard().check(
+        "example.org", ip_address("64:ff9b::5db8:d822")
+    )  # the first one's, where there is only IPv6
     for url in ("https://example.org/", "http://93.184.216.34:8080/", "http://[2606:2800:220:1::1]/"):
         Guard().check_url(url)
     Guard.of("fd00::/8").check_url("http://[fd00::1]/")
@@ -334,7 +352,9 @@ class Trickle:
                 time.sleep(0.02)
 
 
-def test_a_receiver_that_answers_byte_by_byte_is_left(poster: Poster, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_receiver_that_answers_byte_by_byte_is_left(
+    poster: Poster, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Or it would hold a sender for ever, and another would send the message again."""
     assert 1000 * TOTAL_S < LEASE_MS - 10_000
     monkeypatch.setattr("service.webhooks.http_client.TOTAL_S", 0.5)
@@ -354,7 +374,9 @@ def test_of_several_addresses_the_first_that_takes_us_is_used(
     def looked_up(host: str, port: int, *given: Any, **named: Any) -> list[Any]:
         if host != "two.example.org":
             return real(host, port, *given, **named)
-        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, port)) for each in ("127.0.0.2", "127.0.0.1")]
+        return [
+            (socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, port)) for each in ("127.0.0.2", "127.0.0.1")
+        ]
 
     monkeypatch.setattr("service.webhooks.http_client.socket.getaddrinfo", looked_up)
     answer = poster.post(receiver.url.replace("127.0.0.1", "two.example.org"), {}, b"{}")

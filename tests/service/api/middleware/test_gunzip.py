@@ -61,7 +61,8 @@ def test_a_bomb_is_cut_off(service: Service, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [gzip.compress(TRIANGLE_OBJ)[:-5], b"not gzip at all", gzip.compress(TRIANGLE_OBJ) + b"rest", b""]
+    "content",
+    [gzip.compress(TRIANGLE_OBJ)[:-5], b"not gzip at all", gzip.compress(TRIANGLE_OBJ) + b"rest", b""],
 )
 def test_what_is_no_whole_gzip_is_refused(service: Service, content: bytes) -> None:
     answer = service.http.put("/v1/blobs", content=content, params=NAMED, headers=GZIP)
@@ -79,4 +80,6 @@ def test_the_digest_is_of_the_packed_bytes(service: Service) -> None:
     right, wrong = (content_digest(hashlib.sha256(each).hexdigest()) for each in (packed, TRIANGLE_OBJ))
     for digest, status in ((right, 200), (wrong, 422)):
         headers = {**GZIP, "Content-Digest": digest}
-        assert service.http.put("/v1/blobs", content=packed, params=NAMED, headers=headers).status_code == status
+        assert (
+            service.http.put("/v1/blobs", content=packed, params=NAMED, headers=headers).status_code == status
+        )
