@@ -1,4 +1,4 @@
-"""The door: everything a caller of the method needs, and nothing else.
+"""The public API: everything a caller of the method needs, and nothing else.
 
     from pipeline import Settings, register
     result = register("design.stl", "scan.stl", out="out")
@@ -7,9 +7,10 @@
 Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first call that computes.
 """
 
-from pipeline.api import MeshFile, find_landmarks, find_segments, preload, register, study
+from pipeline.api import find_landmarks, find_segments, preload, register, study
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
+from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Progress, Stage
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.settings import Detector, Settings, StudyKind, StudySettings, Unit

@@ -1,21 +1,13 @@
-"""The door's verbs. Kept apart from `run.py` so that importing the door does not import the heavy libraries."""
+"""The public functions. They import the workflows when called, so that importing `pipeline` stays cheap."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.core.job_parameters import JobParameters
+from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, ignore
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
-from pipeline.core.settings import Detector, Settings, StudyKind, Unit
-
-
-@dataclass(frozen=True, slots=True)
-class MeshFile:
-    """A mesh on disk. `filename` is what the user called it (format hint only), `unit` what its numbers mean."""
-
-    path: Path
-    unit: Unit = "auto"
-    filename: str | None = None
+from pipeline.core.settings import Detector, Settings, StudyKind
 
 
 def register(
@@ -29,7 +21,7 @@ def register(
     design_cache: Path | str | None = None,
     on_progress: OnProgress = ignore,
 ) -> RegistrationResult:
-    """Find `T_design_scan`, the motion that puts the scan on its design, and say how far it can be trusted.
+    """Find `T_design_scan`, the rigid motion that puts the scan on its design, and judge how far it can be trusted.
 
     Parameters
     ----------
@@ -57,11 +49,9 @@ def register(
     )  # here, so that the API can import the door cheaply
 
     return run_registration(
-        _mesh_file(design),
-        _mesh_file(scan),
-        settings=settings or Settings(),
-        tolerance_mm=tolerance_mm,
-        seed=seed,
+        MeshFile.of(design),
+        MeshFile.of(scan),
+        JobParameters(settings or Settings(), seed, tolerance_mm),
         out=None if out is None else Path(out),
         design_cache=None if design_cache is None else Path(design_cache),
         on_progress=on_progress,
@@ -91,10 +81,10 @@ def find_segments(
     PipelineError
         When the file is unreadable, has no usable surface, or only pieces too small to have a centre.
     """
-    from pipeline.workflows.registration import run_segments
+    from pipeline.workflows.segments import run_segments
 
     return run_segments(
-        _mesh_file(mesh),
+        MeshFile.of(mesh),
         settings=settings or Settings(),
         seed=seed,
         out=None if out is None else Path(out),
@@ -126,10 +116,10 @@ def find_landmarks(
         When the file is unreadable, has no usable surface, or only pieces too small to have a centre. "Nothing to
         mark" is a result: no landmarks, and the warning `no_landmarks`.
     """
-    from pipeline.workflows.registration import run_landmarks
+    from pipeline.workflows.landmarks import run_landmarks
 
     return run_landmarks(
-        _mesh_file(mesh),
+        MeshFile.of(mesh),
         settings=settings or Settings(),
         seed=seed,
         out=None if out is None else Path(out),
@@ -166,13 +156,13 @@ def study(
     PipelineError
         When the file is unreadable or has no usable surface, or no detector gives three points.
     """
-    from pipeline.workflows.registration import run_study
+    from pipeline.workflows.study import run_study
 
     settings = settings or Settings()
     asked = {"kind": kind, "trials": trials, "detectors": detectors, "noise_mm": noise_mm, "eps": eps}
     section = settings.study.model_dump() | {key: value for key, value in asked.items() if value is not None}
     return run_study(
-        _mesh_file(mesh),
+        MeshFile.of(mesh),
         settings=Settings.model_validate(settings.model_dump() | {"study": section}),
         seed=seed,
         out=None if out is None else Path(out),
@@ -191,12 +181,11 @@ def preload() -> None:
     import matplotlib.backends.backend_svg
     import matplotlib.figure
 
+    import pipeline.workflows.landmarks
+    import pipeline.workflows.registration
+    import pipeline.workflows.segments
+    import pipeline.workflows.study  # noqa: F401
     from pipeline.kernels import remesh
-    from pipeline.workflows import registration as run
 
-    del run, matplotlib
+    del matplotlib
     remesh.assert_filters()
-
-
-def _mesh_file(given: MeshFile | Path | str) -> MeshFile:
-    return given if isinstance(given, MeshFile) else MeshFile(Path(given), filename=Path(given).name)

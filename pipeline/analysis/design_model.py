@@ -1,6 +1,6 @@
-"""A design as it is before any scan comes: all of this follows from its file and the settings, and serves every scan of it.
+"""The model of a design: everything that follows from its file and the settings, and that serves every scan of it.
 
-It is computed once and can be kept in a file (`pipeline.core.archive`): the next scan of the design does no design work.
+It is computed once and can be cached in a file (`core.archive`): the next scan of the design does no design work.
 """
 
 import hashlib
@@ -10,49 +10,48 @@ from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 
-from pipeline.analysis.mesh_analysis import Analysis, Scales, analyse, write_analysis
-from pipeline.analysis.symmetry_group import SelfImages
-from pipeline.api import MeshFile
+from pipeline.analysis.inputs import InputMesh
+from pipeline.analysis.mesh_analysis import Analysis, Scales, analyse_mesh, describe_mesh
+from pipeline.analysis.symmetry_group import SymmetryGroup, find_symmetries
 from pipeline.core import archive
 from pipeline.core.mesh import FloatArray
+from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
 from pipeline.core.timing import Watch
 from pipeline.kernels.surface import Surface
-from pipeline.report import glb as viewing
-from pipeline.stages.clean import Cleaned
-from pipeline.stages.load import Loaded
-from pipeline.stages.matching import Side
-from pipeline.workflows import result_builders as records
+from pipeline.search.types import DescribedMesh
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """What is kept of a design. fingerprint : of all it follows from; descriptors : of its working mesh; symmetries,
-    near_symmetries : (4, 4) each; files : those of the job that are the design's alone, by name
+class CachedDesign:
+    """What is stored of a design model.
+
+    fingerprint : of everything it follows from; descriptors : of its working mesh; symmetries, approximate : (4, 4)
+    each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's alone, by name
     """
 
     fingerprint: str
     input: Input
-    notes: tuple[Note, ...]
+    warnings: tuple[Note, ...]
     analysis: Analysis
     descriptors: FloatArray
     symmetries: tuple[FloatArray, ...]
-    near_symmetries: tuple[FloatArray, ...]
+    approximate: tuple[FloatArray, ...]
     files: dict[str, bytes]
 
 
-class Design:
-    """The design at work: what is kept, and what is quickly made of it."""
+class DesignModel:
+    """The stored part, and what is quickly made of it on demand."""
 
-    def __init__(self, kept: Kept, settings: Settings) -> None:
-        self.kept = kept
+    def __init__(self, cached: CachedDesign, settings: Settings) -> None:
+        self.cached = cached
         self._settings = settings
 
     @property
     def analysis(self) -> Analysis:
-        return self.kept.analysis
+        return self.cached.analysis
 
     @property
     def diagonal_mm(self) -> float:
@@ -62,82 +61,74 @@ class Design:
     def scales(self) -> Scales:
         return Scales.of(self.analysis.mesh, self._settings)
 
-    @cached_property
-    def light(self) -> viewing.Light:
-        return self.analysis.shown()
+    @property
+    def matching_mm(self) -> float:
+        """The unit of length of matching."""
+        return self.scales.matching_mm(self._settings)
 
     @cached_property
     def surface(self) -> Surface:
         return Surface(self.analysis.mesh)
 
     @cached_property
-    def side(self) -> Side:
-        return Side(self.analysis.resampled.mesh, self.analysis.landmarks, self.kept.descriptors)
+    def described(self) -> DescribedMesh:
+        return DescribedMesh(self.analysis.resampled.mesh, self.analysis.landmarks, self.cached.descriptors)
 
     @cached_property
-    def images(self) -> SelfImages:
-        return SelfImages(self.surface, self.kept.symmetries, self.kept.near_symmetries)
+    def symmetry(self) -> SymmetryGroup:
+        return SymmetryGroup(self.surface, self.cached.symmetries, self.cached.approximate)
 
-    def write(self, out: Path) -> list[str]:
-        """Its files; returns their names."""
-        if not self.kept.files:
-            names = [*write_analysis(out, "design", self.analysis, self._settings), "design.glb"]
-            marks = self.analysis.mesh.vertices[self.analysis.landmark_vertices]
-            viewing.write_glb(out / "design.glb", self.light, self.analysis.segment_colours(), marks)
-            self.kept = replace(self.kept, files={name: (out / name).read_bytes() for name in names})
-        for name, content in self.kept.files.items():
-            (out / name).write_bytes(content)
-        return list(self.kept.files)
+    def keep_files(self, files: dict[str, bytes]) -> None:
+        """Store artifacts of the design with the model."""
+        self.cached = replace(self.cached, files=files)
 
-    def keep(self, path: Path) -> None:
-        """For `kept_design`."""
-        archive.write(path, self.kept)
+    def save(self, path: Path) -> None:
+        """Store it for `load_design`."""
+        archive.write(path, self.cached)
 
 
-def kept_design(path: Path, file: MeshFile, settings: Settings, seed: int) -> Design | None:
-    """The design kept at `path`, if it is there, whole, and of this file, these settings and this version."""
+def load_design(path: Path, file: MeshFile, settings: Settings, seed: int) -> DesignModel | None:
+    """The model stored at `path` if it is there, undamaged, and of this file, these settings and this code."""
     try:
-        kept = archive.read(path, Kept)
+        cached = archive.read(path, CachedDesign)
     except (FileNotFoundError, archive.NotAnArchive):
         return None
-    return Design(kept, settings) if kept.fingerprint == fingerprint(file, settings, seed) else None
+    return DesignModel(cached, settings) if cached.fingerprint == fingerprint(file, settings, seed) else None
 
 
-def known(loaded: Loaded, cleaned: Cleaned, mark: str, settings: Settings, watch: Watch, seed: int) -> Design:
-    """Stages up to the landmarks, then what matching and the verdict ask of a design. mark : its `fingerprint`"""
-    scales = Scales.of(cleaned.mesh, settings)
-    analysis = analyse(cleaned.mesh, "design", scales, settings, watch, seed)
-    analysis = replace(analysis, resampled=replace(analysis.resampled, fine=None))  # features are had
+def build_design(
+    design: InputMesh, design_fingerprint: str, settings: Settings, watch: Watch, seed: int
+) -> DesignModel:
+    """Analyse a design up to the landmarks, then compute what matching and the verdict need of it.
+
+    design_fingerprint : see `fingerprint`
+    """
+    scales = Scales.of(design.mesh, settings)
+    analysis = analyse_mesh(design.mesh, "design", scales, settings, watch, seed).without_fine_mesh()
     with watch.stage(Stage.MATCHING, "design"):
-        side = described(analysis, scales, settings)
+        described = describe_mesh(analysis, scales, settings)
         length_mm = scales.matching_mm(settings)
-        images = SelfImages.of(Surface(cleaned.mesh), side, length_mm, settings.matching, seed)
-    kept = Kept(
-        fingerprint=mark,
-        input=records.input_record(loaded, cleaned),
-        notes=tuple(records.input_warnings(design=cleaned)),
+        symmetry = find_symmetries(Surface(design.mesh), described, length_mm, settings.matching, seed)
+    cached = CachedDesign(
+        fingerprint=design_fingerprint,
+        input=design.record(),
+        warnings=tuple(design.warnings()),
         analysis=analysis,
-        descriptors=side.described(length_mm, settings.matching),
-        symmetries=images.others,
-        near_symmetries=images.near,
+        descriptors=described.compute_descriptors(length_mm, settings.matching),
+        symmetries=symmetry.elements,
+        approximate=symmetry.approximate,
         files={},
     )
-    return Design(kept, settings)
+    return DesignModel(cached, settings)
 
 
 def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
-    """Of everything that a kept design follows from."""
+    """SHA-256 (hex) of everything that a design model follows from: file, unit, settings, seed and code."""
     with file.path.open("rb") as content:
-        of_content = hashlib.file_digest(content, "sha256").hexdigest()
+        content_sha256 = hashlib.file_digest(content, "sha256").hexdigest()
     ending = Path(file.filename or file.path.name).suffix.lower()
     method = settings.model_dump(
         mode="json", exclude={"report"}
-    )  # what is written beside changes nothing of it
-    made_of = [of_content, ending, file.unit, method, seed, version("cusp")]
-    return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
-
-
-def described(analysis: Analysis, scales: Scales, settings: Settings) -> Side:
-    """The mesh as matching sees it."""
-    side = Side(analysis.resampled.mesh, analysis.landmarks)
-    return replace(side, descriptors=side.described(scales.matching_mm(settings), settings.matching))
+    )  # the report changes nothing of the analysis
+    sources = [content_sha256, ending, file.unit, method, seed, version("cusp")]
+    return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()

@@ -1,35 +1,30 @@
-"""What one mesh is, before anything is compared: the stages from load to landmarks, for design and scan alike."""
+"""The analysis of one mesh, the same for design and scan: working mesh, geodesics, segments, features, landmarks."""
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.api import MeshFile
-from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.landmark_set import LandmarkSet
+from pipeline.core.mesh import IndexArray, IntArray, Mesh
 from pipeline.core.progress import Stage
-from pipeline.core.results import Centre, Landmark, Note, Segments
+from pipeline.core.results import Note
 from pipeline.core.settings import Settings
 from pipeline.core.timing import Watch
 from pipeline.kernels.nearest import nearest
-from pipeline.report import decision_graph, palette
-from pipeline.report import writers as report
-from pipeline.report.glb import Light
-from pipeline.stages.clean import Cleaned, clean
+from pipeline.search.types import DescribedMesh
 from pipeline.stages.features import features, features_edge_mm, features_radius_mm
 from pipeline.stages.geodesics import Geodesics, geodesics
-from pipeline.stages.landmarks import LandmarkSet, landmarks
-from pipeline.stages.load import Loaded, load
+from pipeline.stages.landmarks import landmarks
 from pipeline.stages.resample import Resampled, resample, working_edge_mm
 from pipeline.stages.segmentation import Segmentation, segment
 
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """The lengths at which both meshes of a job are looked at, taken from the design once.
+    """The lengths at which both meshes of a job are analysed, taken from the design once.
 
-    edge_mm : of the working mesh; fine_edge_mm : of the mesh that features are computed on; radius_mm : of the features;
-    size_mm : sqrt(area)
+    edge_mm : edge length of the working mesh; fine_edge_mm : of the mesh that features are computed on;
+    radius_mm : averaging radius of the features; size_mm : square root of the design's area
     """
 
     edge_mm: float
@@ -39,6 +34,7 @@ class Scales:
 
     @classmethod
     def of(cls, design: Mesh, settings: Settings) -> "Scales":
+        """The scales of a cleaned design."""
         area = float(design.face_areas_mm2().sum())
         return cls(
             working_edge_mm(area, settings.resample.target_vertices),
@@ -48,13 +44,13 @@ class Scales:
         )
 
     def matching_mm(self, settings: Settings) -> float:
-        """What descriptors, tolerances and shortest pairs of matching are multiples of."""
+        """The unit of length of matching: descriptors, tolerances and shortest pairs are multiples of it."""
         return settings.matching.length_share * self.size_mm
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
-    """One mesh in segments: its working mesh, the distances on that, the segments by them."""
+class SegmentationResult:
+    """The segments of one mesh, with the working mesh and the distances that they come from."""
 
     resampled: Resampled
     distances: Geodesics
@@ -63,7 +59,7 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """One mesh, analysed.
+    """One analysed mesh.
 
     mesh : the cleaned mesh, which `vertex` in results indexes; landmark_vertices : (k,) its vertex nearest to each
     landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live
@@ -76,30 +72,21 @@ class Analysis:
     landmark_vertices: IndexArray
     warnings: tuple[Note, ...]
 
-    def shown(self) -> Light:
-        """`mesh` for viewers."""
-        return Light(self.mesh, self.resampled.light)
+    def segment_of_faces(self) -> IntArray:
+        """(m,) segment of each face of `mesh`: that of its first vertex."""
+        return self.segmentation.labels[self.resampled.working_of_clean[self.mesh.faces[:, 0]]]
 
-    def segment_colours(self) -> FloatArray:
-        """(n, 3) of the vertices of `mesh`."""
-        return palette.of_vertices(self.segmentation.labels, self.segmentation.halo)[
-            self.resampled.working_of_clean
-        ]
+    def without_fine_mesh(self) -> "Analysis":
+        """The same without the mesh of the features, which no later stage needs."""
+        return replace(self, resampled=replace(self.resampled, fine=None))
 
 
-def read(
-    file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool
-) -> tuple[Loaded, Cleaned]:
-    with watch.stage(Stage.LOAD, name):
-        loaded = load(file, name, settings.load, needs_surface=needs_surface)
-    with watch.stage(Stage.CLEAN, name):
-        return loaded, clean(loaded.mesh, name, settings.clean)
-
-
-def cut(
+def segment_mesh(
     mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int, *, fine: bool = False
-) -> Cut:
-    """Section 1 of the method, steps 1 and 2. fine : also make the mesh for features."""
+) -> SegmentationResult:
+    """Stages resample, geodesics and segmentation (steps 1 and 2 of the method). fine : also make the finer mesh that
+    features are computed on
+    """
     with watch.stage(Stage.RESAMPLE, name):
         fine_edge_mm = scales.fine_edge_mm if fine else None
         resampled = resample(mesh, name, scales.edge_mm, settings.resample, fine_edge_mm=fine_edge_mm)
@@ -107,89 +94,28 @@ def cut(
     with watch.stage(Stage.GEODESICS, name):
         distances = geodesics(working, name, scales.size_mm, settings.geodesics, settings.segmentation)
     with watch.stage(Stage.SEGMENTATION, name):
-        return Cut(resampled, distances, segment(working, name, distances, settings.segmentation, seed))
+        segmentation = segment(working, name, distances, settings.segmentation, seed)
+    return SegmentationResult(resampled, distances, segmentation)
 
 
-def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Analysis:
-    """Section 1 of the method, steps 1 to 4."""
-    found = cut(mesh, name, scales, settings, watch, seed, fine=True)
-    working, distances, segmentation = found.resampled.mesh, found.distances, found.segmentation
+def analyse_mesh(
+    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int
+) -> Analysis:
+    """Stages resample to landmarks (steps 1 to 4 of the method) of a cleaned mesh."""
+    segments = segment_mesh(mesh, name, scales, settings, watch, seed, fine=True)
+    working, distances, segmentation = segments.resampled.mesh, segments.distances, segments.segmentation
     with watch.stage(Stage.FEATURES, name):
-        measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
+        features_of_mesh = features(segments.resampled.fine or working, scales.radius_mm, settings.features)
     with watch.stage(Stage.LANDMARKS, name):
-        marked = landmarks(working, distances.surface, segmentation, measured, settings.landmarks, seed)
-    _, vertices = nearest(mesh.vertices, marked.position_mm)
-    return Analysis(mesh, found.resampled, segmentation, marked, vertices, distances.warnings)
-
-
-def landmark_records(analysis: Analysis) -> list[Landmark]:
-    found = analysis.landmarks
-    return [
-        Landmark(
-            id=number,
-            vertex=int(analysis.landmark_vertices[number]),
-            position_mm=found.position_mm[number].tolist(),
-            normal=found.normal[number].tolist(),
-            segment=int(found.segment[number]),
-            t2=float(found.t2[number]),
-            strength=float(found.strength[number]),
+        landmark_set = landmarks(
+            working, distances.surface, segmentation, features_of_mesh, settings.landmarks, seed
         )
-        for number in range(len(found.vertex))
-    ]
+    _, vertices = nearest(mesh.vertices, landmark_set.position_mm)
+    return Analysis(mesh, segments.resampled, segmentation, landmark_set, vertices, distances.warnings)
 
 
-def segments_record(analysis: Analysis, settings: Settings) -> Segments:
-    return cut_record(
-        analysis.mesh,
-        analysis.resampled,
-        analysis.segmentation,
-        settings,
-        limit_share=analysis.landmarks.limit_share,
-    )
-
-
-def cut_record(
-    mesh: Mesh,
-    resampled: Resampled,
-    segmentation: Segmentation,
-    settings: Settings,
-    *,
-    limit_share: float | None,
-) -> Segments:
-    """Centres are given as the nearest vertex of `mesh`, the cleaned one; `size` counts its vertices."""
-    positions = resampled.mesh.vertices[segmentation.centres]
-    _, vertices = nearest(mesh.vertices, positions)
-    sizes = np.bincount(segmentation.labels[resampled.working_of_clean], minlength=len(segmentation.centres))
-    return Segments(
-        count=len(segmentation.centres),
-        method=settings.segmentation.method,
-        metric=settings.geodesics.metric,
-        density=settings.segmentation.density,
-        d_c=segmentation.d_c_mm,
-        halo_fraction=float(segmentation.halo.mean()),
-        limit_share=limit_share,
-        centres=[
-            Centre(
-                segment=number,
-                vertex=int(vertices[number]),
-                position_mm=positions[number].tolist(),
-                rho=float(segmentation.rho[centre]),
-                delta=float(segmentation.delta[centre]),
-                size=int(sizes[number]),
-            )
-            for number, centre in enumerate(segmentation.centres)
-        ],
-    )
-
-
-def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings) -> list[str]:
-    """`<name>.clean.ply`, `.vertices.csv` and `.decision_graph.svg`; returns their names."""
-    report.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
-    report.write_vertices(
-        *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
-        *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
-    )
-    decision_graph.write(
-        out / f"{name}.decision_graph.svg", name, analysis.segmentation, settings.segmentation
-    )
-    return [f"{name}.clean.ply", f"{name}.vertices.csv", f"{name}.decision_graph.svg"]
+def describe_mesh(analysis: Analysis, scales: Scales, settings: Settings) -> DescribedMesh:
+    """The mesh as matching uses it, its descriptors computed."""
+    described = DescribedMesh(analysis.resampled.mesh, analysis.landmarks)
+    descriptors = described.compute_descriptors(scales.matching_mm(settings), settings.matching)
+    return replace(described, descriptors=descriptors)

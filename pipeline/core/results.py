@@ -296,6 +296,9 @@ class MadeBy(Record):
 
 class Provenance(MadeBy):
     inputs: Inputs = Field(description="the files")
+    limits: dict[str, Any] = Field(
+        description="every number that decides the pose or the verdict and is not in `settings`, by group"
+    )
 
 
 class OneProvenance(MadeBy):

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pipeline.core.progress import OnProgress, Progress, Stage, ignore
 
 # What each passage through a stage takes of a job's time, in percent, measured on arches. A registration passes
-# through the stages from load to matching twice, and through report twice (files, then the page): one story sums to 100.
+# through the stages from load to matching twice: one workflow sums to 100.
 REGISTRATION: dict[Stage, float] = {
     Stage.LOAD: 1.5,
     Stage.CLEAN: 2,
@@ -19,7 +19,7 @@ REGISTRATION: dict[Stage, float] = {
     Stage.MATCHING: 13,
     Stage.REGISTRATION: 18,
     Stage.DEVIATION: 4,
-    Stage.REPORT: 3,
+    Stage.REPORT: 6,
 }
 SEGMENTS: dict[Stage, float] = {
     Stage.LOAD: 5,
@@ -27,7 +27,7 @@ SEGMENTS: dict[Stage, float] = {
     Stage.RESAMPLE: 27,
     Stage.GEODESICS: 20,
     Stage.SEGMENTATION: 25,
-    Stage.REPORT: 15,  # once: it writes no page
+    Stage.REPORT: 15,
 }
 LANDMARKS: dict[Stage, float] = {
     Stage.LOAD: 4,
@@ -37,9 +37,9 @@ LANDMARKS: dict[Stage, float] = {
     Stage.SEGMENTATION: 26,
     Stage.FEATURES: 14,
     Stage.LANDMARKS: 6,
-    Stage.REPORT: 5,
+    Stage.REPORT: 10,
 }
-STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Stage.REPORT: 1}
+STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Stage.REPORT: 2}
 
 
 class Watch:

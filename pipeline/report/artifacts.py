@@ -1,163 +1,161 @@
-"""What a job leaves to look at: coloured meshes, drawings, and the report, from what the stages found."""
+"""The files of a job, beside results.json: meshes, tables, drawings and the report, from what the stages computed.
+
+Each `write_*` function writes into an existing folder and returns the names that it wrote.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.analysis.design_model import Design
-from pipeline.analysis.mesh_analysis import Analysis
-from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.analysis.design_model import DesignModel
+from pipeline.analysis.mesh_analysis import Analysis, SegmentationResult
+from pipeline.core.mesh import Mesh
 from pipeline.core.results import LandmarksResult, Note, RegistrationResult, StudyResult
-from pipeline.core.settings import ReportSettings
-from pipeline.report import deviation_histogram, three_mf
-from pipeline.report import glb as viewing
-from pipeline.report import page as report_page
-from pipeline.report import pdf as report_pdf
-from pipeline.report import writers as report
-from pipeline.report.colormap import ColourScale
-from pipeline.report.glb import Light
-from pipeline.report.page import Pictures, Views, views_of
+from pipeline.core.settings import ReportSettings, Settings
+from pipeline.report import decision_graph, deviation_histogram, glb, page, palette, pdf, three_mf, writers
+from pipeline.report.glb import DisplayMesh
+from pipeline.report.page import Pictures
+from pipeline.report.registration_pictures import (
+    SEGMENTS_NOTE,
+    colour_scale,
+    registration_views,
+    segment_pictures,
+)
 from pipeline.stages.deviation import Deviations
 
-OF_DEVIATION = ("deviation.ply", "deviation.glb", "deviation_histogram.svg")
 PAGE = "report.html"
 ALIGNED_3MF = "aligned.3mf"
-SEGMENTS_NOTE = "One colour a segment, halo paler; dots are landmarks."
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
-    """What the settings asked for beside the page. files : names; notes : why one is not among them"""
+class Artifacts:
+    """files : names of what was written; notes : why something that was asked for was not"""
 
     files: tuple[str, ...] = ()
     notes: tuple[Note, ...] = ()
 
-
-def write_deviation(out: Path, shown: Light, measured: Deviations) -> list[str]:
-    """The aligned scan in the colours of its deviation, and their histogram; returns the names."""
-    if measured.summary is None:
-        return []
-    aligned = shown.full
-    scale = _scale(measured)
-    colours = scale.colours(measured.signed_mm, measured.counted)
-    report.write_mesh(out / "deviation.ply", aligned, colours)
-    counted_mm = np.where(measured.counted, measured.signed_mm, np.nan)
-    viewing.write_glb(out / "deviation.glb", shown, colours, deviation_mm=counted_mm)
-    weights = aligned.weights() * measured.counted
-    deviation_histogram.write(
-        out / "deviation_histogram.svg", measured.signed_mm, weights, measured.summary, scale
-    )
-    return list(OF_DEVIATION)
+    def __add__(self, other: "Artifacts") -> "Artifacts":
+        return Artifacts((*self.files, *other.files), (*self.notes, *other.notes))
 
 
-def write_registration_page(
+def write_registration(
     out: Path,
     result: RegistrationResult,
-    design: Design,
+    design: DesignModel,
     scan: Analysis,
-    shown: Light,
-    measured: Deviations,
-    settings: ReportSettings,
-) -> Written:
-    """The page, and what the settings ask for beside it. shown : the scan on the design; without a pose where it was"""
-    aligned = None if result.transform is None else shown.full
-    views = Views(
-        placed=_placed(result, design, shown, measured),
-        parts=_parts(design, scan, shown, is_aligned=aligned is not None),
-        sizes=_sizes(result, design.analysis.mesh, aligned, scan.mesh),
+    deviations: Deviations,
+    settings: Settings,
+) -> Artifacts:
+    """Every file of a registration. scan : in mm, in its own frame"""
+    design_display, scan_display = display_mesh(design.analysis), display_mesh(scan)
+    if result.transform is not None:
+        scan_display = scan_display.moved(np.array(result.transform.matrix))
+    files = [
+        *write_design(out, design, design_display, settings),
+        *write_analysis(out, "scan", scan, settings),
+    ]
+    landmarks = {"design": result.landmarks.design, "scan": result.landmarks.scan}
+    writers.write_landmarks(out / "landmarks.csv", landmarks, result.landmarks.matches)
+    files.append("landmarks.csv")
+    if result.transform is not None:
+        writers.write_mesh(out / "aligned.ply", scan_display.full)
+        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations)]
+    views = registration_views(result, design.analysis, design_display, scan, scan_display, deviations)
+    artifacts = Artifacts(tuple(files)) + _write_page(
+        out, page.registration(result, views, out), settings.report
     )
-    more = _write_page(out, report_page.registration(result, views, out), settings)
-    if aligned is None or not settings.three_mf:
-        return more
-    coloured = _write_three_mf(out, aligned, measured)
-    return Written((*more.files, *coloured.files), (*more.notes, *coloured.notes))
+    if result.transform is not None and settings.report.three_mf:
+        artifacts += _write_three_mf(out, scan_display.full, deviations)
+    return artifacts
 
 
-def write_landmarks_page(
-    out: Path, result: LandmarksResult, found: Analysis, settings: ReportSettings
-) -> Written:
-    """The page of a landmarks job."""
-    views = _segments("mesh", found, found.shown(), found.mesh, count=4)
-    pictures = Pictures("Segments and landmarks", "segments of the", views, SEGMENTS_NOTE)
-    return _write_page(out, report_page.landmarks(result, pictures, out), settings)
+def write_design(out: Path, design: DesignModel, display: DisplayMesh, settings: Settings) -> list[str]:
+    """The files that are the design's alone, from the model where it holds them."""
+    analysis, files = design.analysis, design.cached.files
+    if not files:
+        names = [*write_analysis(out, "design", analysis, settings), "design.glb"]
+        colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
+        landmarks_mm = analysis.mesh.vertices[analysis.landmark_vertices]
+        glb.write_glb(out / "design.glb", display, colours, landmarks_mm)
+        design.keep_files({name: (out / name).read_bytes() for name in names})
+        return names
+    for name, content in files.items():
+        (out / name).write_bytes(content)
+    return list(files)
 
 
-def write_study_page(out: Path, result: StudyResult, settings: ReportSettings) -> Written:
-    """The page of a study."""
-    return _write_page(out, report_page.study(result, out), settings)
+def write_segments(out: Path, mesh: Mesh, segments: SegmentationResult, settings: Settings) -> Artifacts:
+    """Every file of `find_segments`. mesh : the cleaned mesh"""
+    segmentation, resampled = segments.segmentation, segments.resampled
+    writers.write_mesh(out / "mesh.segments.ply", mesh, palette.of_clean_vertices(segmentation, resampled))
+    writers.write_vertices(out / "mesh.vertices.csv", mesh, resampled.working_of_clean, segmentation)
+    decision_graph.write(out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation)
+    return Artifacts(("mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"))
 
 
-def _write_page(out: Path, text: str, settings: ReportSettings) -> Written:
+def write_landmarks(out: Path, result: LandmarksResult, analysis: Analysis, settings: Settings) -> Artifacts:
+    """Every file of a landmarks job."""
+    files = write_analysis(out, "mesh", analysis, settings)
+    colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
+    writers.write_mesh(out / "mesh.segments.ply", analysis.mesh, colours)
+    writers.write_landmarks(out / "landmarks.csv", {"mesh": result.landmarks.mesh})
+    images = segment_pictures("mesh", analysis, display_mesh(analysis), analysis.mesh, count=4)
+    pictures = Pictures("Segments and landmarks", "segments of the", images, SEGMENTS_NOTE)
+    text = page.landmarks(result, pictures, out)
+    return Artifacts((*files, "mesh.segments.ply", "landmarks.csv")) + _write_page(out, text, settings.report)
+
+
+def write_study_page(out: Path, result: StudyResult, settings: Settings) -> Artifacts:
+    """The report of a study, whose trials and picture lie in `out`."""
+    return _write_page(out, page.study(result, out), settings.report)
+
+
+def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings) -> list[str]:
+    """`<name>.clean.ply`, `.vertices.csv` and `.decision_graph.svg`."""
+    writers.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
+    writers.write_vertices(
+        *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
+        *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
+    )
+    graph = out / f"{name}.decision_graph.svg"
+    decision_graph.write(graph, name, analysis.segmentation, settings.segmentation)
+    return [f"{name}.clean.ply", f"{name}.vertices.csv", graph.name]
+
+
+def display_mesh(analysis: Analysis) -> DisplayMesh:
+    """The cleaned mesh for viewers."""
+    return DisplayMesh(analysis.mesh, analysis.resampled.light)
+
+
+def _write_deviation(out: Path, aligned: DisplayMesh, deviations: Deviations) -> list[str]:
+    """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is counted."""
+    if deviations.summary is None:
+        return []
+    mesh, scale = aligned.full, colour_scale(deviations)
+    colours = scale.colours(deviations.signed_mm, deviations.counted)
+    writers.write_mesh(out / "deviation.ply", mesh, colours)
+    counted_mm = np.where(deviations.counted, deviations.signed_mm, np.nan)
+    glb.write_glb(out / "deviation.glb", aligned, colours, deviation_mm=counted_mm)
+    weights = mesh.weights() * deviations.counted
+    deviation_histogram.write(
+        out / "deviation_histogram.svg", deviations.signed_mm, weights, deviations.summary, scale
+    )
+    return ["deviation.ply", "deviation.glb", "deviation_histogram.svg"]
+
+
+def _write_page(out: Path, text: str, settings: ReportSettings) -> Artifacts:
     (out / PAGE).write_text(text, encoding="utf-8")
     if not settings.pdf:
-        return Written()
-    notes = report_pdf.write(out / PAGE, out / report_pdf.NAME)
-    return Written(notes=tuple(notes)) if notes else Written(files=(report_pdf.NAME,))
+        return Artifacts((PAGE,))
+    notes = pdf.write(out / PAGE, out / pdf.NAME)
+    return Artifacts((PAGE,), tuple(notes)) if notes else Artifacts((PAGE, pdf.NAME))
 
 
-def _write_three_mf(out: Path, aligned: Mesh, measured: Deviations) -> Written:
+def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations) -> Artifacts:
     if aligned.is_cloud:
         detail = f"{ALIGNED_3MF} was not written: the scan is points, and 3MF holds triangles; aligned.ply has them"
-        return Written(notes=(Note(code="no_three_mf", detail=detail),))
-    colours = _scale(measured).colours(measured.signed_mm, measured.counted)
+        return Artifacts(notes=(Note(code="no_three_mf", detail=detail),))
+    colours = colour_scale(deviations).colours(deviations.signed_mm, deviations.counted)
     three_mf.write(out / ALIGNED_3MF, aligned, colours, "aligned scan")
-    return Written(files=(ALIGNED_3MF,))
-
-
-def _placed(
-    result: RegistrationResult, design: Design, shown: Light, measured: Deviations
-) -> Pictures | None:
-    """The scan where it fits, or where it fits least badly: the one shows what to mend, the other what went wrong."""
-    title, note = "Deviation of the scan from the design", ""
-    rejected = result.transform is None
-    if rejected:
-        if not result.alternatives:
-            return None
-        shown = shown.moved(np.array(result.alternatives[0].matrix))
-        title = "Not a measurement: the best pose that was tried, and rejected"
-        note = (
-            "Where the scan lies on the design here, and where it does not, may tell why the two do not fit."
-        )
-    if measured.summary is None:
-        return None
-    scale = _scale(measured)
-    colours = shown.values(scale.colours(measured.signed_mm, measured.counted))
-    legend = report_page.legend(scale, measured.summary.sign, rejected=rejected)
-    return Pictures(
-        title, "distances of the scan", views_of(shown.mesh, colours, design.analysis.mesh), note, legend
-    )
-
-
-def _scale(measured: Deviations) -> ColourScale:
-    tolerance_mm = None if measured.summary is None else measured.summary.tolerance_mm
-    return ColourScale.of(measured.signed_mm, measured.counted, tolerance_mm)
-
-
-def _parts(design: Design, scan: Analysis, shown: Light, *, is_aligned: bool) -> Pictures:
-    """Segments of both beside each other; with a pose from the same sides, however the scan was uploaded."""
-    of_design = _segments("design", design.analysis, design.light, design.analysis.mesh, count=2)
-    of_scan = _segments("scan", scan, shown, design.analysis.mesh if is_aligned else shown.full, count=2)
-    beside = [each for side in zip(of_design, of_scan, strict=True) for each in side]
-    note = f"{SEGMENTS_NOTE} Each mesh is numbered and coloured by itself."
-    return Pictures("Segments and landmarks", "segments of the", beside, note)
-
-
-def _segments(name: str, found: Analysis, shown: Light, like: Mesh, count: int) -> list[tuple[str, bytes]]:
-    """shown : its mesh, in whatever frame it is to be seen"""
-    marks: FloatArray = np.asarray(shown.full.vertices[found.landmark_vertices])
-    views = views_of(shown.mesh, shown.values(found.segment_colours()), like, count=count, marks_mm=marks)
-    return [(f"{name} {caption}", data) for caption, data in views]
-
-
-def _sizes(result: RegistrationResult, design: Mesh, aligned: Mesh | None, scan: Mesh) -> str:
-    """Extents along the axes of the design's file; without a pose those of the scan along its own file's."""
-    factor = None if result.scale is None else result.scale.unit_factor
-    times = "" if factor is None else f", its numbers times {factor:.4g},"
-    where = "along the same axes" if aligned is not None else "along the axes of its file"
-    size = _extents(scan if aligned is None else aligned)
-    return f"Design {_extents(design)} along the axes of its file; scan{times} {size} {where}."
-
-
-def _extents(mesh: Mesh) -> str:
-    return " x ".join(f"{x:.1f}" for x in np.ptp(mesh.vertices, axis=0)) + " mm"
+    return Artifacts((ALIGNED_3MF,))

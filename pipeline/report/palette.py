@@ -3,6 +3,8 @@
 import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray, IntArray
+from pipeline.stages.resample import Resampled
+from pipeline.stages.segmentation import Segmentation
 
 # "muted" of Paul Tol, Colour Schemes, SRON/EPS/TN/09-002 (2021): nine that people who see colours differently tell
 # apart, in an order that keeps neighbours in number far apart. Its pale grey is for what belongs nowhere.
@@ -23,3 +25,8 @@ def of_vertices(labels: IntArray, halo: BoolArray) -> FloatArray:
     colours = PALETTE[labels % len(PALETTE)]
     colours[halo] += HALO_PALENESS * (PALE - colours[halo])
     return colours
+
+
+def of_clean_vertices(segmentation: Segmentation, resampled: Resampled) -> FloatArray:
+    """(n, 3) the colours of the vertices of the cleaned mesh, by the nearest vertex of the working mesh."""
+    return of_vertices(segmentation.labels, segmentation.halo)[resampled.working_of_clean]

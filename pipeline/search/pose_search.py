@@ -1,256 +1,205 @@
-"""From seeds to the pose: short ICPs on few points, then what each pose leaves, hides and fails to cover, then ICP to the end.
+"""From hypotheses to the pose: trials on few points, scores, then ICP to convergence on all points.
 
-The score of a pose is the mean squared distance of the scan to the design, truncated at the inlier distance; to it comes
-what distances cannot say: the share of the scan that the design would have hidden from every scanner, and the share of the
-design that the scan shows under another pose and not under this one. Both count as that share lying off the design.
+The score of a pose is the mean squared distance of the scan to the design, truncated at the inlier distance, plus
+two penalties for what distances cannot tell: the share of the scan that the design would hide from every view, and
+the share of the design that the scan covers under another pose and not under this one. Both count as that share of
+the points lying at the inlier distance.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import RegistrationSettings
-from pipeline.kernels import icp, rigid, sampling
-from pipeline.kernels.nearest import nearest
+from pipeline.kernels import icp, rigid
 from pipeline.kernels.surface import Surface
-from pipeline.kernels.visibility import Views
-from pipeline.search import score_ratio as margin
-from pipeline.stages.matching import Matching
-
-MAX_RIVALS = 9
-RIVAL_COST = (
-    3.0  # a hypothesis above this many times the lowest cost is not tried: well above every margin asked for
-)
-TRIAL_POINTS = 2_000
-TRIAL_ITERATIONS = 30  # enough to tell the seeds apart; the best goes on from there
-HOPELESS = 1.3  # times the residual limit after the trials: not this part
-CLOSE_RIVALS = 6  # so many are refined on all points beside the best; of a plane there is no end
-CLOSE = 1.1  # times the margin that is asked for: a rival that scores less is refined on all points too
-APART_SHARE = 0.01  # of the diagonal: poses nearer than this count as one
-TOLERANCE_SHARE = 2e-5  # of the diagonal: with noise, matches that switch move the pose by 1e-5 for ever
-COVERAGE_POINTS = 10_000
-VIEWED_POINTS = 500
-ALIKE = 0.03  # shares of the scan or the design that differ by less between two poses speak for neither
+from pipeline.search.scan_model import ScanModel, ScanPoints
+from pipeline.search.schedule import REGISTRATION
+from pipeline.search.score_ratio import required_ratio, score_ratio
+from pipeline.search.types import Matching, Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """T_design_scan; cost_mm2, rmse_mm : as in `Left`; hidden_share, coverage : of the scan, what the design hides; of the
-    design, what the scan shows; score_mm2 : cost and what these two add, beside the other poses; facing : -1 when the
-    scan's normals point inwards under it
+class SearchResult:
+    """best : the final pose; alternatives : other distinct poses, by score; source : what the best started from,
+    `landmarks`, `dense` or `axes`
     """
 
-    T_design_scan: FloatArray
-    cost_mm2: float
-    rmse_mm: float
-    converged: bool
-    iterations: int
-    hidden_share: float = 0.0
-    coverage: float = 1.0
-    score_mm2: float = 0.0
-    facing: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class ScanPoints:
-    """points : (k, 3), each for the same share of the scan; normals : (k, 3), None for a cloud; weights : (k,) sum 1"""
-
-    points: FloatArray
-    normals: FloatArray | None
-    weights: FloatArray
-
-    @classmethod
-    def of(cls, scan: Mesh, count: int, seed: int) -> "ScanPoints":
-        """A cloud has no normals to compare."""
-        if scan.is_cloud:
-            chosen = np.sort(np.random.default_rng(seed).permutation(len(scan.vertices))[:count])
-            return cls(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)))
-        samples = sampling.on_surface(scan, count, seed)
-        return cls(samples.points, samples.normals, np.full(count, 1.0 / count))
-
-    def left(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> "Left":
-        distance = design.closest(rigid.transformed(T_design_scan, self.points)).distance
-        # sums by numpy itself: a dot product of many points is split among threads
-        cost_mm2 = float((self.weights * np.minimum(distance, inlier_distance_mm) ** 2).sum())
-        return Left(cost_mm2, float(np.sqrt((self.weights * distance**2).sum())))
-
-
-@dataclass(frozen=True, slots=True)
-class Left:
-    """What a pose leaves: cost_mm2 : mean squared distance, truncated at the inlier distance; rmse_mm : RMS distance"""
-
-    cost_mm2: float
-    rmse_mm: float
-
-
-@dataclass(frozen=True, slots=True)
-class Seed:
-    """Where an ICP starts; source : `landmarks`, `dense` or `axes`"""
-
-    T_design_scan: FloatArray
-    facing: float
+    best: Pose
+    alternatives: tuple[Pose, ...]
     source: str
 
 
 @dataclass(frozen=True, slots=True)
-class Searched:
-    """best : the final pose; rivals : other distinct poses, by score; seed : where the best came from"""
+class Seed:
+    """Where an ICP starts."""
 
-    best: Pose
-    rivals: tuple[Pose, ...]
-    seed: str
-
-
-class Scan:
-    """The scan as the search asks it: few points, many points, views, and what it shows of a design."""
-
-    def __init__(self, mesh: Mesh, settings: RegistrationSettings, seed: int) -> None:
-        self.mesh = mesh
-        self.every = ScanPoints.of(mesh, settings.sample_points, seed)
-        self.few = ScanPoints.of(mesh, TRIAL_POINTS, seed)
-        self.surface = None if mesh.is_cloud else Surface(mesh)
-        self._seed = seed
-
-    def views(self, facing: float) -> Views | None:
-        """None of a cloud, which has no outer side."""
-        if self.few.normals is None:
-            return None
-        some = slice(None, None, max(1, len(self.few.points) // VIEWED_POINTS))
-        return Views.of(self.few.points[some], facing * self.few.normals[some])
-
-    def coverage(
-        self, T_design_scan: FloatArray, facing: float, design: Surface, inlier_distance_mm: float
-    ) -> float:
-        """Share of the design within the inlier distance of the scan, and facing the same way: the scan of one side of a
-        thin wall does not show the other.
-        """
-        samples = sampling.on_surface(design.mesh, COVERAGE_POINTS, self._seed)
-        T_scan_design = rigid.inverse(T_design_scan)
-        in_scan = rigid.transformed(T_scan_design, samples.points)
-        if self.surface is None:
-            distance, _ = nearest(self.mesh.vertices, in_scan)
-            return float(np.mean(distance <= inlier_distance_mm))
-        found = self.surface.closest(in_scan)
-        turned = samples.normals @ T_scan_design[:3, :3].T
-        agrees = facing * np.einsum("kd,kd->k", turned, found.normal) > 0
-        return float(np.mean((found.distance <= inlier_distance_mm) & agrees))
+    T_design_scan: FloatArray
+    normal_sign: float
+    source: str
 
 
-def search(
-    scan: Scan, design: Surface, matching: Matching, settings: RegistrationSettings, *, thorough: bool = True
-) -> Searched:
-    """Landmarks seed, ICP refines (point to plane on the exact surface), the lowest score is the pose.
+def search_pose(
+    scan: ScanModel,
+    design: Surface,
+    matching: Matching,
+    settings: RegistrationSettings,
+    *,
+    thorough: bool = True,
+) -> SearchResult:
+    """ICP (point to plane on the exact surface) from every seed; the lowest score is the pose.
 
-    thorough : False stops at the trials on few points; so does a scan that after them lies far off everywhere, where ICP
-    would wander on without ever converging.
-
-    The seed is the fit of the matched landmarks when it lies at least as well as the best hypothesis, else that.
+    thorough : False stops after the trials on few points. So does a scan that then lies far off everywhere
+    (`early_reject_ratio`): its ICP would drift without converging.
     """
-    diagonal = design.mesh.diagonal_mm
-    inlier = settings.inlier_share * diagonal
-
-    def refined(T: FloatArray, facing: float, points: ScanPoints, max_iterations: int) -> Pose:
-        done = icp.refine(
-            points.points,
-            None if points.normals is None else facing * points.normals,
-            points.weights,
-            design,
-            T,
-            max_distance_mm=inlier,
-            max_iterations=max_iterations,
-            tolerance_mm=TOLERANCE_SHARE * diagonal,
-        )
-        T = done.T_target_source
-        left = points.left(T, design, inlier)
-        return Pose(T, left.cost_mm2, left.rmse_mm, done.converged, done.iterations, facing=facing)
-
-    def trial(seed: Seed) -> Pose:
-        return refined(
-            seed.T_design_scan, seed.facing, scan.few, min(settings.max_iterations, TRIAL_ITERATIONS)
-        )
-
-    def examined(pose: Pose) -> Pose:
-        """On all points what it leaves, and what else speaks for it or against."""
-        T, facing, views = pose.T_design_scan, pose.facing, scan.views(pose.facing)
-        left = scan.every.left(T, design, inlier)
-        hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
-        coverage = scan.coverage(T, facing, design, inlier)
-        return replace(
-            pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage
-        )
-
-    seeds = _seeds(matching, scan.few, design, inlier)
-    # sorted() is stable: of equally good ones the earlier hypothesis comes first
-    tried = sorted(((trial(each), each) for each in seeds), key=lambda pair: pair[0].cost_mm2)
-    kept = _apart([pose for pose, _ in tried], scan.few.points, APART_SHARE * diagonal)
-    tried = [(pose, seed) for pose, seed in tried if any(pose is each for each in kept)]
-    hopeless = tried[0][0].cost_mm2 > (HOPELESS * settings.max_residual_share * diagonal) ** 2
-    sources = [seed.source for _, seed in tried]
-    poses = scored([examined(pose) for pose, _ in tried], inlier)
-    finished: set[int] = set()
-    # Refined on all points, the order may turn: until the best is finished, and those that come near it.
-    while thorough and not hopeless:
-        number, *others = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
-        best = poses[number]
-        if number in finished:
-            # a little more than the verdict may find it to leave, which looks at every vertex
-            needed = CLOSE * margin.needed(CLOSE * float(np.sqrt(best.cost_mm2)), diagonal, settings)
-            close = [
-                other
-                for other in others
-                if other not in finished
-                and margin.ratio(poses[other].score_mm2, best.score_mm2, diagonal) < needed
-            ]
-            if not close or len(finished) > CLOSE_RIVALS:
-                break
-            number = close[0]
-        again = poses[number]
-        finished.add(number)
-        poses[number] = examined(
-            refined(again.T_design_scan, again.facing, scan.every, settings.max_iterations)
-        )
-        poses = scored(poses, inlier)
-    order = sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)
-    # refined on all points, some may have come to be one
-    best, *rivals = _apart([poses[number] for number in order], scan.few.points, APART_SHARE * diagonal)
-    return Searched(best, tuple(rivals), sources[order[0]])
+    refiner = _Refiner(scan, design, settings)
+    seeds = choose_seeds(matching, scan.coarse_samples, design, refiner.inlier_mm)
+    tried = refiner.trials(seeds)
+    poses = score_poses([refiner.assess(pose) for pose, _ in tried], refiner.inlier_mm)
+    if thorough and not refiner.early_reject(tried[0][0]):
+        poses = refiner.finish(poses)
+    order = _by_score(poses)
+    # Two that were refined on all points may have converged to one.
+    best, *alternatives = refiner.distinct([poses[number] for number in order])
+    return SearchResult(best, tuple(alternatives), tried[order[0]][1].source)
 
 
-def scored(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
-    """What each hides more, and covers less, than the best of them in that, counts as lying at the inlier distance."""
-    least_hidden = min(pose.hidden_share for pose in poses)
-    most_covered = max(pose.coverage for pose in poses)
+def choose_seeds(
+    matching: Matching, points: ScanPoints, design: Surface, inlier_distance_mm: float
+) -> list[Seed]:
+    """The landmarks' own fit, or the best hypothesis where that fits clearly better; then the other hypotheses."""
+    first, *others = matching.hypotheses
+    seeds = [Seed(first.T_design_scan, first.normal_sign, first.source)]
+    if matching.T_landmarks is not None:
+        by_landmarks = points.evaluate(matching.T_landmarks, design, inlier_distance_mm).cost_mm2
+        by_first = points.evaluate(first.T_design_scan, design, inlier_distance_mm).cost_mm2
+        if by_landmarks <= REGISTRATION.landmark_cost_ratio * by_first:
+            seeds = [Seed(matching.T_landmarks, first.normal_sign, "landmarks")]
+    floor_mm2 = REGISTRATION.min_cost_share_sq * design.mesh.diagonal_mm**2
+    max_cost_mm2 = REGISTRATION.alternative_cost_ratio * max(first.cost_mm2, floor_mm2)
+    seeds += [
+        Seed(each.T_design_scan, each.normal_sign, each.source)
+        for each in others
+        if each.cost_mm2 <= max_cost_mm2
+    ]
+    return seeds[: 1 + REGISTRATION.max_alternatives]
+
+
+def score_poses(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
+    """The same poses with their scores. A penalty counts what a pose hides more, or covers less, than the best of
+    them in that, beyond `tie_tolerance`.
+    """
+    min_occlusion = min(pose.occlusion_ratio for pose in poses)
+    max_coverage = max(pose.coverage for pose in poses)
 
     def score_mm2(pose: Pose) -> float:
-        hidden = max(0.0, pose.hidden_share - least_hidden - ALIKE)
-        uncovered = max(0.0, most_covered - pose.coverage - ALIKE)
+        hidden = max(0.0, pose.occlusion_ratio - min_occlusion - REGISTRATION.tie_tolerance)
+        uncovered = max(0.0, max_coverage - pose.coverage - REGISTRATION.tie_tolerance)
         return pose.cost_mm2 + (hidden + uncovered) * inlier_distance_mm**2
 
     return [replace(pose, score_mm2=score_mm2(pose)) for pose in poses]
 
 
-def _apart(poses: list[Pose], points: FloatArray, apart_mm: float) -> list[Pose]:
-    """Of poses that came to be one, the first."""
-    kept: list[Pose] = []
-    for pose in poses:
-        if all(
-            rigid.rms_displacement(pose.T_design_scan, each.T_design_scan, points) > apart_mm for each in kept
-        ):
-            kept.append(pose)
-    return kept
+class _Refiner:
+    """The steps of the search on one scan and one design."""
+
+    def __init__(self, scan: ScanModel, design: Surface, settings: RegistrationSettings) -> None:
+        self._scan, self._design, self._settings = scan, design, settings
+        self._diagonal_mm = design.mesh.diagonal_mm
+        self.inlier_mm = settings.inlier_share * self._diagonal_mm
+
+    def trials(self, seeds: list[Seed]) -> list[tuple[Pose, Seed]]:
+        """A short ICP on few points from each seed; the distinct poses, lowest cost first."""
+        iterations = min(self._settings.max_iterations, REGISTRATION.trial_iterations)
+        samples = self._scan.coarse_samples
+        tried = [
+            (self._refine(seed.T_design_scan, seed.normal_sign, samples, iterations), seed) for seed in seeds
+        ]
+        # sorted() is stable: of equal poses the earlier hypothesis comes first
+        tried = sorted(tried, key=lambda pair: pair[0].cost_mm2)
+        kept = self.distinct([pose for pose, _ in tried])
+        return [(pose, seed) for pose, seed in tried if any(pose is each for each in kept)]
+
+    def early_reject(self, best: Pose) -> bool:
+        """Whether even the best trial lies too far off for this part."""
+        limit_mm = REGISTRATION.early_reject_ratio * self._settings.max_residual_share * self._diagonal_mm
+        return best.cost_mm2 > limit_mm**2
+
+    def finish(self, poses: list[Pose]) -> list[Pose]:
+        """ICP on all points, best pose first. The order may change, so it goes on until the best pose is finished,
+        and those whose score comes near it.
+        """
+        finished: set[int] = set()
+        while (number := self._next_to_finish(poses, finished)) is not None:
+            finished.add(number)
+            pose, samples = poses[number], self._scan.fine_samples
+            again = self._refine(pose.T_design_scan, pose.normal_sign, samples, self._settings.max_iterations)
+            poses = score_poses(
+                [self.assess(again) if k == number else each for k, each in enumerate(poses)], self.inlier_mm
+            )
+        return poses
+
+    def _next_to_finish(self, poses: list[Pose], finished: set[int]) -> int | None:
+        number, *others = _by_score(poses)
+        if number not in finished:
+            return number
+        if len(finished) > REGISTRATION.max_finished:
+            return None
+        best = poses[number]
+        # The verdict evaluates every vertex and may find a slightly larger RMS: hence the margin on both.
+        margin, rms_mm = REGISTRATION.refine_margin, float(np.sqrt(best.cost_mm2))
+        required = margin * required_ratio(margin * rms_mm, self._diagonal_mm, self._settings)
+        close = (
+            other
+            for other in others
+            if other not in finished
+            and score_ratio(poses[other].score_mm2, best.score_mm2, self._diagonal_mm) < required
+        )
+        return next(close, None)
+
+    def assess(self, pose: Pose) -> Pose:
+        """The pose with its cost on all points, its occlusion ratio and its coverage."""
+        T, sign = pose.T_design_scan, pose.normal_sign
+        views = self._scan.views(sign)
+        cost = self._scan.fine_samples.evaluate(T, self._design, self.inlier_mm)
+        return replace(
+            pose,
+            cost_mm2=cost.cost_mm2,
+            rmse_mm=cost.rmse_mm,
+            occlusion_ratio=0.0 if views is None else views.hidden_share(T, self._design, self.inlier_mm),
+            coverage=self._scan.coverage(T, sign, self._design, self.inlier_mm),
+        )
+
+    def distinct(self, poses: list[Pose]) -> list[Pose]:
+        """Of poses that coincide, the first."""
+        points = self._scan.coarse_samples.points
+        apart_mm = REGISTRATION.distinct_share * self._diagonal_mm
+        kept: list[Pose] = []
+        for pose in poses:
+            T = pose.T_design_scan
+            if all(rigid.rms_displacement(T, each.T_design_scan, points) > apart_mm for each in kept):
+                kept.append(pose)
+        return kept
+
+    def _refine(self, T: FloatArray, normal_sign: float, points: ScanPoints, max_iterations: int) -> Pose:
+        refined = icp.refine(
+            points.points,
+            None if points.normals is None else normal_sign * points.normals,
+            points.weights,
+            self._design,
+            T,
+            max_distance_mm=self.inlier_mm,
+            max_iterations=max_iterations,
+            tolerance_mm=REGISTRATION.convergence_share * self._diagonal_mm,
+        )
+        T = refined.T_target_source
+        cost = points.evaluate(T, self._design, self.inlier_mm)
+        return Pose(
+            T, cost.cost_mm2, cost.rmse_mm, refined.converged, refined.iterations, normal_sign=normal_sign
+        )
 
 
-def _seeds(matching: Matching, points: ScanPoints, design: Surface, inlier_distance_mm: float) -> list[Seed]:
-    """The fit of the matched landmarks, or the best hypothesis where that lies clearly better; then its rivals."""
-    first, *others = matching.hypotheses
-    seeds = [Seed(first.T_design_scan, first.facing, first.source)]
-    if matching.T_landmarks is not None:
-        by_landmarks = points.left(matching.T_landmarks, design, inlier_distance_mm).cost_mm2
-        if by_landmarks <= 2 * points.left(first.T_design_scan, design, inlier_distance_mm).cost_mm2:
-            seeds = [Seed(matching.T_landmarks, first.facing, "landmarks")]
-    worst = RIVAL_COST * max(first.cost_mm2, 1e-12 * design.mesh.diagonal_mm**2)
-    seeds += [
-        Seed(rival.T_design_scan, rival.facing, rival.source) for rival in others if rival.cost_mm2 <= worst
-    ]
-    return seeds[: 1 + MAX_RIVALS]
+def _by_score(poses: list[Pose]) -> list[int]:
+    """Indices of poses, lowest score first; ties by index."""
+    return sorted(range(len(poses)), key=lambda number: poses[number].score_mm2)

@@ -1,25 +1,42 @@
 """How much worse another pose must fit for the best one to be the answer."""
 
+from dataclasses import dataclass
+
 from pipeline.core.settings import RegistrationSettings
 
-LOOSE = 0.4  # of the residual limit: depth-camera scans lie at 0.5 to 0.8, printed copies below 0.2
-LOOSE_MARGIN = 2.0  # a rough fit says less: a sixth of an arch was `ok` in a wrong place, 0.85 % of the diagonal off, at 1.57
+
+@dataclass(frozen=True, slots=True)
+class ScoreLimits:
+    """Limits on the ratio of two scores. Part of `verification.thresholds`.
+
+    loose_fit_share : of `max_residual_share`; above it a fit is loose. Chosen by hand: depth-camera scans lie at
+    0.5 to 0.8 of the limit, printed copies below 0.2
+    loose_fit_margin : score ratio asked for under a loose fit. Chosen by hand: a sixth of an arch fitted a wrong
+    place at 1.57
+    numerical_floor_share : of the diagonal; RMS distances below it are rounding. Chosen by hand, well above
+    the 1e-7 of the diagonal to which the closest-point query is exact
+    """
+
+    loose_fit_share: float = 0.4
+    loose_fit_margin: float = 2.0
+    numerical_floor_share: float = 1e-5
 
 
-NOTHING_SHARE = 1e-5  # of the diagonal: what two poses leave below this is rounding, and tells neither
+SCORE_LIMITS = ScoreLimits()
 
 
-def ratio(score_mm2: float, best_mm2: float, diagonal_mm: float) -> float:
-    """How many times the best a score is, where both leave more than nothing."""
-    nothing = (NOTHING_SHARE * diagonal_mm) ** 2
-    return (score_mm2 + nothing) / (best_mm2 + nothing)
+def score_ratio(score_mm2: float, best_mm2: float, diagonal_mm: float) -> float:
+    """A score over the best one, dimensionless; both raised by the numerical floor, so that 0 / 0 is 1."""
+    floor_mm2 = (SCORE_LIMITS.numerical_floor_share * diagonal_mm) ** 2
+    return (score_mm2 + floor_mm2) / (best_mm2 + floor_mm2)
 
 
 def is_loose(truncated_rms_mm: float, diagonal_mm: float, settings: RegistrationSettings) -> bool:
-    """The scan lies farther off the design than a good scanner and printer leave."""
-    return truncated_rms_mm > LOOSE * settings.max_residual_share * diagonal_mm
+    """Whether the scan lies farther off the design than a good scanner and printer leave it."""
+    return truncated_rms_mm > SCORE_LIMITS.loose_fit_share * settings.max_residual_share * diagonal_mm
 
 
-def needed(truncated_rms_mm: float, diagonal_mm: float, settings: RegistrationSettings) -> float:
-    """Another pose that scores less than this many times the best makes it ambiguous."""
-    return LOOSE_MARGIN if is_loose(truncated_rms_mm, diagonal_mm, settings) else settings.rival_margin
+def required_ratio(truncated_rms_mm: float, diagonal_mm: float, settings: RegistrationSettings) -> float:
+    """Another pose whose score ratio is below this makes the best one ambiguous."""
+    loose = is_loose(truncated_rms_mm, diagonal_mm, settings)
+    return SCORE_LIMITS.loose_fit_margin if loose else settings.rival_margin

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import f as f_distribution
 
+from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.core.settings import LandmarksSettings
 from pipeline.kernels import maxima, peaks
@@ -18,24 +19,6 @@ from pipeline.stages.segmentation import Segmentation
 
 COMPONENTS = 2  # A in eq. 3
 ROBUST_ROUNDS = 2  # of centre and covariance: all of it, then without what lies far out
-
-
-@dataclass(frozen=True, slots=True)
-class LandmarkSet:
-    """Landmarks of one mesh, strongest first.
-
-    position_mm, normal : (k, 3); vertex : (k,) nearest of the working mesh; segment : (k,); t2, strength : (k,);
-    t2_all : (n,) T^2 of every working vertex, 0 where none was computed; limit_share : share beyond the limit
-    """
-
-    vertex: IndexArray
-    position_mm: FloatArray
-    normal: FloatArray
-    segment: IndexArray
-    t2: FloatArray
-    strength: FloatArray
-    t2_all: FloatArray
-    limit_share: float
 
 
 @dataclass(frozen=True, slots=True)

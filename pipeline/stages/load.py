@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from pipeline.api import MeshFile
 from pipeline.core.errors import (
     CoordinateOutOfRange,
     IndexOutOfRange,
@@ -30,6 +29,7 @@ from pipeline.core.errors import (
 )
 from pipeline.core.formats import HEAD_BYTES, STL_FACE_BYTES, STL_HEADER_BYTES, Format, detect_format
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.mesh_file import MeshFile
 from pipeline.core.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}

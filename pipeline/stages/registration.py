@@ -1,4 +1,4 @@
-"""From seeds to the final pose: ICP on the exact design surface, and what the result is worth in numbers."""
+"""Registration: the final pose by ICP on the exact design surface, and its quality in numbers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,17 +11,24 @@ from pipeline.kernels import icp, rigid
 from pipeline.kernels.observability import Observability, observe
 from pipeline.kernels.similarity import stretch, warp_mm
 from pipeline.kernels.surface import Closest, Surface
-from pipeline.search.pose_search import TOLERANCE_SHARE, TRIAL_POINTS, Pose, Scan, ScanPoints, search
-from pipeline.stages.matching import Matching
+from pipeline.search.pose_search import search_pose
+from pipeline.search.scan_model import ScanModel, ScanPoints
+from pipeline.search.schedule import REGISTRATION
+from pipeline.search.types import Matching, Pose
+
+OBSERVED_TRUNCATION = 2.0  # inlier distances: a test motion may take inliers beyond one. Chosen by hand
+MAX_SCALE_LOG2 = 1.0  # a factor of 2: beyond it the noise decides, not the surface. Chosen by hand
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
     """How the cleaned scan lies on the design under one pose.
 
-    closest : of every scan vertex; rmse_mm : weighted RMS of all distances, untrimmed; fitness : share of the
-    scan within the inlier distance; overlap : the same, not on an open border of the design;
-    truncated_rms_mm : RMS of the distances, each counted as at most the inlier distance
+    closest : design point closest to each scan vertex; moved : (n, 3) the vertices in the design's frame;
+    rmse_mm : area-weighted RMS of all distances, untrimmed; inlier_rmse_mm : of those within the inlier distance,
+    None without any; fitness : area share of the scan within the inlier distance; overlap : the same without what is
+    closest to an open border of the design; truncated_rms_mm : RMS of the distances, each at most the inlier
+    distance
     """
 
     T_design_scan: FloatArray
@@ -35,8 +42,10 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class ScaleFound:
-    """isotropic; per_axis : (3,) along the design's axes; warp_mm : what stays bent after the latter; None: cannot tell"""
+class ScaleEstimate:
+    """isotropic, per_axis (3,) along the design's axes : scan size over design size; warp_mm : RMS residual
+    deformation after the latter; None where the surface does not determine it
+    """
 
     isotropic: float | None
     per_axis: FloatArray | None
@@ -45,17 +54,16 @@ class ScaleFound:
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """best : the final pose; rivals : other distinct poses, by score, those near the best refined to the end; fit : under
-    the best.
-
-    matching : of the landmarks under the best; rmse_* as in `outcome.Metrics`; observability : of the scan's points that lie
-    on the design; scan_surface : of the cleaned scan in its own frame, None of points
+    """best : the final pose; alternatives : other distinct poses, by score; fit : under the best; source : what the
+    best started from; matching : landmark matches under the best; rmse_* : as in `core.results.Metrics`;
+    observability : of the scan points that lie on the design; scan_surface : of the cleaned scan in its own frame,
+    None for a point cloud
     """
 
     best: Pose
-    rivals: tuple[Pose, ...]
+    alternatives: tuple[Pose, ...]
     fit: Fit
-    seed: str
+    source: str
     matching: Matching
     inlier_distance_mm: float
     rmse_initial_mm: float
@@ -63,7 +71,7 @@ class Registration:
     rmse_complete_mm: float
     design_coverage: float
     observability: Observability
-    scale: ScaleFound
+    scale: ScaleEstimate
     scan_surface: Surface | None
 
 
@@ -71,44 +79,44 @@ def register(
     scan: Mesh,
     design: Surface,
     matching: Matching,
-    matched_under: Callable[[FloatArray], Matching],
+    match_under: Callable[[FloatArray], Matching],
     settings: RegistrationSettings,
     seed: int,
-    limit_mm: float,
+    max_sigma_mm: float,
 ) -> Registration:
-    """The best pose by `pose_search.search`, its rivals, and what it is worth.
+    """The best pose by `search.pose_search`, its alternatives, and its quality.
 
-    matched_under : the landmarks that match under a pose; limit_mm : a motion less certain than this is free.
+    match_under : the landmark matches under a pose T_design_scan; max_sigma_mm : a motion that is less certain
+    (1 sigma) is unconstrained
     """
-    inlier = settings.inlier_share * design.mesh.diagonal_mm
-    asked, weights = Scan(scan, settings, seed), scan.weights()
-    found = search(asked, design, matching, settings)
-    best = found.best
-    complete = _complete(asked.few, design, settings)
-    final = fit(scan, weights, design, best.T_design_scan, inlier)
-    matching = matched_under(best.T_design_scan)
+    inlier_mm = settings.inlier_share * design.mesh.diagonal_mm
+    model, weights = ScanModel(scan, settings, seed), scan.weights()
+    search = search_pose(model, design, matching, settings)
+    T_complete = _icp_of_complete_shape(model.coarse_samples, design, settings)
+    fit = evaluate_fit(scan, weights, design, search.best.T_design_scan, inlier_mm)
+    matching = match_under(search.best.T_design_scan)
     T_landmarks = matching.T_landmarks
     return Registration(
-        best=best,
-        rivals=found.rivals,
-        fit=final,
-        seed=found.seed,
+        best=search.best,
+        alternatives=search.alternatives,
+        fit=fit,
+        source=search.source,
         matching=matching,
-        inlier_distance_mm=inlier,
+        inlier_distance_mm=inlier_mm,
         rmse_initial_mm=rmse_mm(scan, weights, design, np.eye(4)),
         rmse_landmarks_mm=None if T_landmarks is None else rmse_mm(scan, weights, design, T_landmarks),
-        rmse_complete_mm=rmse_mm(scan, weights, design, complete),
-        design_coverage=best.coverage,
-        observability=observed(final, weights, design, inlier, limit_mm),
-        scale=_scale(asked.every, design, best.T_design_scan, inlier),
-        scan_surface=asked.surface,
+        rmse_complete_mm=rmse_mm(scan, weights, design, T_complete),
+        design_coverage=search.best.coverage,
+        observability=assess_observability(fit, weights, design, inlier_mm, max_sigma_mm),
+        scale=_estimate_scale(model.fine_samples, design, search.best.T_design_scan, inlier_mm),
+        scan_surface=model.surface,
     )
 
 
-def fit(
+def evaluate_fit(
     scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray, inlier_distance_mm: float
 ) -> Fit:
-    """Every vertex of the cleaned scan against the exact design surface; weights : `scan.weights()`"""
+    """Every vertex of the cleaned scan against the exact design surface. weights : (n,) `scan.weights()`"""
     moved = rigid.transformed(T_design_scan, scan.vertices)
     closest = design.closest(moved)
     squared = closest.distance**2
@@ -132,45 +140,50 @@ def rmse_mm(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: Flo
     return float(np.sqrt((weights * distance**2).sum()))
 
 
-def observed(
-    fit: Fit, weights: FloatArray, design: Surface, inlier_distance_mm: float, limit_mm: float
+def assess_observability(
+    fit: Fit, weights: FloatArray, design: Surface, inlier_distance_mm: float, max_sigma_mm: float
 ) -> Observability:
-    """Of the scan's vertices within the inlier distance; a motion less certain than `limit_mm` is free."""
+    """Of the scan's vertices within the inlier distance; a motion less certain than `max_sigma_mm` is unconstrained."""
     residual = np.einsum("kd,kd->k", fit.closest.normal, fit.moved - fit.closest.point)
-    inside = weights * (fit.closest.distance <= inlier_distance_mm)
-    few = np.flatnonzero(inside > 0)
-    few = few[:: max(1, len(few) // TRIAL_POINTS)]
+    inlier_weights = weights * (fit.closest.distance <= inlier_distance_mm)
+    some = np.flatnonzero(inlier_weights > 0)
+    some = some[:: max(1, len(some) // REGISTRATION.coarse_samples)]
+    truncation_mm = OBSERVED_TRUNCATION * inlier_distance_mm
 
     def cost_mm2(T: FloatArray) -> float:
-        distance = design.closest(rigid.transformed(T, fit.moved[few])).distance
-        return float(np.average(np.minimum(distance, 2 * inlier_distance_mm) ** 2, weights=inside[few]))
+        distance = design.closest(rigid.transformed(T, fit.moved[some])).distance
+        return float(np.average(np.minimum(distance, truncation_mm) ** 2, weights=inlier_weights[some]))
 
-    return observe(fit.moved, fit.closest.normal, residual, inside, limit_mm, cost_mm2)
+    return observe(fit.moved, fit.closest.normal, residual, inlier_weights, max_sigma_mm, cost_mm2)
 
 
-def _scale(points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float) -> ScaleFound:
-    given = (points.points, points.weights, design, T_design_scan, inlier_mm)
-    one, three = stretch(*given, per_axis=False), stretch(*given, per_axis=True)
-    # a surface that hardly tells its size lets the noise say anything
-    one, three = (each if each is not None and _is_likely(each.factors) else None for each in (one, three))
-    bent = three or one
-    return ScaleFound(
-        None if one is None else float(one.factors[0]),
-        None if three is None else three.factors,
-        None if bent is None else warp_mm(bent, points.weights),
+def _estimate_scale(
+    points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float
+) -> ScaleEstimate:
+    arguments = (points.points, points.weights, design, T_design_scan, inlier_mm)
+    isotropic, per_axis = (
+        estimate if estimate is not None and _is_plausible(estimate.factors) else None
+        for estimate in (stretch(*arguments, per_axis=False), stretch(*arguments, per_axis=True))
+    )
+    finest = per_axis or isotropic
+    return ScaleEstimate(
+        None if isotropic is None else float(isotropic.factors[0]),
+        None if per_axis is None else per_axis.factors,
+        None if finest is None else warp_mm(finest, points.weights),
     )
 
 
-def _is_likely(factors: FloatArray) -> bool:
-    return bool(np.isfinite(factors).all() and (np.abs(np.log2(np.maximum(factors, 1e-300))) < 1).all())
+def _is_plausible(factors: FloatArray) -> bool:
+    log2 = np.abs(np.log2(np.maximum(factors, 1e-300)))
+    return bool(np.isfinite(factors).all() and (log2 < MAX_SCALE_LOG2).all())
 
 
-def _complete(few: ScanPoints, design: Surface, settings: RegistrationSettings) -> FloatArray:
-    """T_design_scan of plain ICP from the uploaded pose, without landmarks: the comparison for K."""
+def _icp_of_complete_shape(points: ScanPoints, design: Surface, settings: RegistrationSettings) -> FloatArray:
+    """T_design_scan of plain ICP from the uploaded pose, without landmarks: the paper's comparison for K."""
     return icp.complete_shape(
-        few.points,
-        few.weights,
+        points.points,
+        points.weights,
         design,
         max_iterations=settings.max_iterations,
-        tolerance_mm=TOLERANCE_SHARE * design.mesh.diagonal_mm,
+        tolerance_mm=REGISTRATION.convergence_share * design.mesh.diagonal_mm,
     ).T_target_source

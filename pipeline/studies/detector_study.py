@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, segment_mesh
 from pipeline.core.errors import TooFewLandmarks
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.results import (
@@ -98,7 +98,7 @@ def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShar
 def _marked(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, FloatArray]:
     """(k, 3) points of t2 and of each detector that is asked for, as many as `count` or as t2 gives."""
     scales = Scales.of(mesh, settings)
-    found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
+    found = segment_mesh(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
     section = settings.landmarks.model_copy(

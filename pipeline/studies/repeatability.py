@@ -19,16 +19,19 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.spatial import cKDTree
 
-from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, segment_mesh
+from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import BoolArray, FloatArray, Mesh
 from pipeline.core.results import RepeatabilityProtocol, RepeatabilityRow
 from pipeline.core.settings import CleanSettings, Detector, Settings
 from pipeline.core.timing import silent
 from pipeline.kernels import remesh, rigid
+from pipeline.kernels.fpfh import fpfh
+from pipeline.search.types import DescribedMesh
 from pipeline.stages.clean import clean
 from pipeline.stages.features import features
-from pipeline.stages.landmarks import LandmarkSet, landmarks
-from pipeline.stages.matching import Side, fpfh, match
+from pipeline.stages.landmarks import landmarks
+from pipeline.stages.matching import match
 from pipeline.stages.resample import working_edge_mm
 from pipeline.studies.statistics import quantiles
 
@@ -82,7 +85,7 @@ def conditions(noise_share: float | None) -> tuple[Condition, ...]:
 class _Looked:
     """One mesh analysed once, for all detectors."""
 
-    side: Side
+    side: DescribedMesh
     marked: Mapping[Detector, LandmarkSet]
 
 
@@ -224,7 +227,7 @@ def _looked(
     settings: Settings,
     seed: int,
 ) -> _Looked:
-    found = cut(mesh, "mesh", scales, settings, silent(), seed, fine=True)
+    found = segment_mesh(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
     section = settings.landmarks.model_copy(
@@ -240,7 +243,7 @@ def _looked(
     }
     support_mm = settings.matching.descriptor_radius_lengths * settings.matching.length_share * scales.size_mm
     one = next(iter(marked.values()))
-    return _Looked(Side(working, one, fpfh(working, support_mm)), marked)
+    return _Looked(DescribedMesh(working, one, fpfh(working, support_mm)), marked)
 
 
 def _compared(
@@ -308,7 +311,8 @@ def _pose_error_mm(
 ) -> float | None:
     """RMS displacement of the scan's vertices under the fit of matched landmarks; hypotheses from landmark pairs only."""
     design, other = (
-        Side(looked.side.mesh, looked.marked[detector], looked.side.descriptors) for looked in (whole, again)
+        DescribedMesh(looked.side.mesh, looked.marked[detector], looked.side.descriptors)
+        for looked in (whole, again)
     )
     if min(len(design.landmarks.vertex), len(other.landmarks.vertex)) < 3:
         return None

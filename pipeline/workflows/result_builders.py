@@ -1,37 +1,76 @@
-"""From what the stages know to what a client reads: each function fills one part of `outcome.RegistrationResult`."""
-
-from importlib.metadata import version
-from typing import Any
+"""From a registration to the records of the results: each function builds one part of `RegistrationResult`."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.core.job_parameters import JobParameters
+from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import FloatArray
 from pipeline.core.results import (
     Alternative,
     FreeMotion,
-    Input,
     Inputs,
-    Landmark,
+    Landmarks,
     Match,
     Metrics,
-    Note,
     Observability,
-    OneInput,
-    OneProvenance,
-    Provenance,
+    RegistrationResult,
     Scale,
+    SegmentsPair,
     Transform,
 )
-from pipeline.core.settings import Settings
 from pipeline.kernels import rigid
-from pipeline.stages.clean import Cleaned
-from pipeline.stages.landmarks import LandmarkSet
+from pipeline.search.types import Matching
 from pipeline.stages.load import Loaded
-from pipeline.stages.matching import Matching
 from pipeline.stages.registration import Registration
+from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
+from pipeline.workflows.provenance import provenance
+from pipeline.workflows.registration_outcome import RegistrationOutcome
 
-_LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh", "weasyprint")
+
+def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> RegistrationResult:
+    """The result without files and timings, which `publish` adds."""
+    design, registered, checks = outcome.design, outcome.registered, outcome.checks
+    registration, scan, has_pose = registered.registration, registered.scan, outcome.has_pose
+    T_design_scan, cached = registration.best.T_design_scan, design.cached
+    landmarks = Landmarks(
+        design=landmark_records(design.analysis),
+        scan=landmark_records(scan),
+        matches=matches(registration.matching, design.analysis.landmarks, scan.landmarks, T_design_scan)
+        if has_pose
+        else [],
+    )
+    return RegistrationResult(
+        verdict=outcome.verdict,
+        transform=transform(
+            T_design_scan, cached.input.mm_per_unit, outcome.input_scan.loaded, checks.unit_factor
+        )
+        if has_pose
+        else None,
+        alternatives=alternatives(registration, checks.symmetric, rejected=not has_pose),
+        metrics=metrics(registration, has_pose=has_pose),
+        landmarks=landmarks,
+        segments=SegmentsPair(
+            design=analysis_segments(design.analysis, job.settings),
+            scan=analysis_segments(scan, job.settings),
+        ),
+        deviation=outcome.deviations.summary if has_pose else None,
+        deviation_of_design=outcome.of_design,
+        observability=observability(registration) if has_pose else None,
+        scale=scale(registration, checks.unit_factor) if has_pose else None,
+        provenance=provenance(
+            Inputs(design=cached.input, scan=outcome.input_scan.record()), job.settings, job.seed
+        ),
+        timings_s={},
+        files=[],
+        warnings=[
+            *design.analysis.warnings,
+            *scan.warnings,
+            *landmark_warnings(design=landmarks.design, scan=landmarks.scan),
+            *cached.warnings,
+            *outcome.input_scan.warnings(),
+        ],
+    )
 
 
 def transform(
@@ -61,7 +100,7 @@ def alternatives(
     """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was rejected."""
     poses = [
         *([(registration.best, False)] if rejected else []),
-        *zip(registration.rivals, symmetric, strict=True),
+        *zip(registration.alternatives, symmetric, strict=True),
     ]
     best = registration.best.score_mm2
     return [
@@ -75,7 +114,7 @@ def alternatives(
     ]
 
 
-def metrics(registration: Registration, *, found: bool) -> Metrics:
+def metrics(registration: Registration, *, has_pose: bool) -> Metrics:
     """What depends on the final transform is null when there is none."""
     under_final, rmse_landmarks = registration.fit, registration.rmse_landmarks_mm
     rmse_complete = registration.rmse_complete_mm
@@ -84,12 +123,12 @@ def metrics(registration: Registration, *, found: bool) -> Metrics:
         rmse_landmarks_mm=rmse_landmarks,
         rmse_complete_mm=rmse_complete,
         k_ratio=rmse_complete / rmse_landmarks if rmse_landmarks else None,
-        rmse_mm=under_final.rmse_mm if found else None,
-        inlier_rmse_mm=under_final.inlier_rmse_mm if found else None,
+        rmse_mm=under_final.rmse_mm if has_pose else None,
+        inlier_rmse_mm=under_final.inlier_rmse_mm if has_pose else None,
         inlier_distance_mm=registration.inlier_distance_mm,
-        fitness=under_final.fitness if found else None,
-        scan_overlap=under_final.overlap if found else None,
-        design_coverage=registration.design_coverage if found else None,
+        fitness=under_final.fitness if has_pose else None,
+        scan_overlap=under_final.overlap if has_pose else None,
+        design_coverage=registration.design_coverage if has_pose else None,
         iterations=registration.best.iterations,
         converged=registration.best.converged,
     )
@@ -125,61 +164,8 @@ def observability(registration: Registration) -> Observability:
 
 
 def scale(registration: Registration, unit_factor: float | None) -> Scale:
-    found = registration.scale
-    per_axis = None if found.per_axis is None else found.per_axis.tolist()
-    return Scale(isotropic=found.isotropic, per_axis=per_axis, warp_mm=found.warp_mm, unit_factor=unit_factor)
-
-
-def input_record(loaded: Loaded, cleaned: Cleaned) -> Input:
-    return Input(
-        sha256=loaded.sha256,
-        format=loaded.format.value,
-        unit=loaded.unit,
-        mm_per_unit=loaded.mm_per_unit,
-        cleaning=cleaned.report,
+    estimate = registration.scale
+    per_axis = None if estimate.per_axis is None else estimate.per_axis.tolist()
+    return Scale(
+        isotropic=estimate.isotropic, per_axis=per_axis, warp_mm=estimate.warp_mm, unit_factor=unit_factor
     )
-
-
-def input_warnings(**inputs: Cleaned) -> list[Note]:
-    """What cleaning did that a person should look at."""
-    notes = []
-    for name, cleaned in inputs.items():
-        dropped = int(cleaned.report.get("non_manifold_faces", 0))
-        if dropped:
-            detail = f"{name}: {dropped} triangles at edges shared by more than two were dropped"
-            notes.append(Note(code="non_manifold", detail=detail))
-        if cleaned.report.get("turned_faces", 0):
-            detail = f"{name}: {cleaned.report['turned_faces']} triangles faced the wrong way and were turned"
-            notes.append(Note(code="turned_faces", detail=detail))
-        if cleaned.mesh.is_cloud:
-            detail = (
-                f"{name}: points without triangles; a surface was laid through them for the analysis only"
-            )
-            notes.append(Note(code="point_cloud", detail=detail))
-    return notes
-
-
-def landmark_warnings(**marked: list[Landmark]) -> list[Note]:
-    """Meshes on which nothing stands out."""
-    detail = "no landmarks: the surface has no relief at the scale of the features (features.radius_mm)"
-    return [
-        Note(code="no_landmarks", detail=f"{name}: {detail}") for name, found in marked.items() if not found
-    ]
-
-
-def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:
-    return Provenance(inputs=inputs, **_made_by(settings, seed))
-
-
-def one_provenance(mesh: Input, settings: Settings, seed: int) -> OneProvenance:
-    return OneProvenance(inputs=OneInput(mesh=mesh), **_made_by(settings, seed))
-
-
-def _made_by(settings: Settings, seed: int) -> dict[str, Any]:
-    """The fields of `outcome.MadeBy`."""
-    return {
-        "version": version("cusp"),
-        "libraries": {name: version(name) for name in _LIBRARIES},
-        "settings": settings.model_dump(mode="json"),
-        "seed": seed,
-    }

@@ -1,0 +1,69 @@
+"""Reading the meshes of a job: load, clean, and what the results say about each input."""
+
+from dataclasses import dataclass
+
+from pipeline.core.mesh import Mesh
+from pipeline.core.mesh_file import MeshFile
+from pipeline.core.progress import Stage
+from pipeline.core.results import Input, Note
+from pipeline.core.settings import Settings
+from pipeline.core.timing import Watch
+from pipeline.stages.clean import Cleaned, clean
+from pipeline.stages.load import Loaded, load
+
+
+@dataclass(frozen=True, slots=True)
+class InputMesh:
+    """One mesh of a job, read. name : `design`, `scan` or `mesh`; loaded : as in the file, in mm; cleaned : what
+    every later stage works on
+    """
+
+    name: str
+    loaded: Loaded
+    cleaned: Cleaned
+
+    @property
+    def mesh(self) -> Mesh:
+        """The cleaned mesh, which `vertex` in the results indexes."""
+        return self.cleaned.mesh
+
+    def record(self) -> Input:
+        """Its entry in `provenance.inputs`."""
+        return Input(
+            sha256=self.loaded.sha256,
+            format=self.loaded.format.value,
+            unit=self.loaded.unit,
+            mm_per_unit=self.loaded.mm_per_unit,
+            cleaning=self.cleaned.report,
+        )
+
+    def warnings(self) -> list[Note]:
+        """What cleaning changed that a person should look at."""
+        notes, report = [], self.cleaned.report
+        dropped = int(report.get("non_manifold_faces", 0))
+        if dropped:
+            detail = f"{self.name}: {dropped} triangles at edges shared by more than two were dropped"
+            notes.append(Note(code="non_manifold", detail=detail))
+        if report.get("turned_faces", 0):
+            detail = f"{self.name}: {report['turned_faces']} triangles faced the wrong way and were turned"
+            notes.append(Note(code="turned_faces", detail=detail))
+        if self.mesh.is_cloud:
+            detail = f"{self.name}: points without triangles; a surface was laid through them for the analysis only"
+            notes.append(Note(code="point_cloud", detail=detail))
+        return notes
+
+
+def read_mesh(
+    file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool
+) -> InputMesh:
+    """Load and clean one mesh. needs_surface : False accepts a point cloud
+
+    Raises
+    ------
+    PipelineError
+        When the file is unreadable, or nothing usable is left of it.
+    """
+    with watch.stage(Stage.LOAD, name):
+        loaded = load(file, name, settings.load, needs_surface=needs_surface)
+    with watch.stage(Stage.CLEAN, name):
+        return InputMesh(name, loaded, clean(loaded.mesh, name, settings.clean))

@@ -1,0 +1,24 @@
+"""A mesh on disk, as callers name it: the one type that every layer and every caller shares."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.core.settings import Unit
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """A mesh on disk.
+
+    path : where its bytes are; unit : what its numbers mean, `auto` for what the file declares (else mm);
+    filename : the user's name for it, which only helps to tell the format
+    """
+
+    path: Path
+    unit: Unit = "auto"
+    filename: str | None = None
+
+    @classmethod
+    def of(cls, mesh: "MeshFile | Path | str") -> "MeshFile":
+        """A path becomes a `MeshFile` of that name, in the unit that the file declares."""
+        return mesh if isinstance(mesh, MeshFile) else cls(Path(mesh), filename=Path(mesh).name)

@@ -1,0 +1,79 @@
+"""The scan as the pose search uses it: a few points, many points, the views it was taken from, what it covers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.settings import RegistrationSettings
+from pipeline.kernels import rigid, sampling
+from pipeline.kernels.nearest import nearest
+from pipeline.kernels.surface import Surface
+from pipeline.kernels.visibility import Views
+from pipeline.search.schedule import REGISTRATION
+from pipeline.search.types import PoseCost
+
+
+@dataclass(frozen=True, slots=True)
+class ScanPoints:
+    """points : (k, 3) mm, each for the same share of the scan; normals : (k, 3), None for a point cloud;
+    weights : (k,), sum 1
+    """
+
+    points: FloatArray
+    normals: FloatArray | None
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, scan: Mesh, count: int, seed: int) -> "ScanPoints":
+        """`count` points of the surface, or so many of a cloud's points at random."""
+        if scan.is_cloud:
+            chosen = np.sort(np.random.default_rng(seed).permutation(len(scan.vertices))[:count])
+            return cls(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)))
+        samples = sampling.on_surface(scan, count, seed)
+        return cls(samples.points, samples.normals, np.full(count, 1.0 / count))
+
+    def evaluate(self, T_design_scan: FloatArray, design: Surface, inlier_distance_mm: float) -> PoseCost:
+        """The cost of a pose on the exact design surface."""
+        distance = design.closest(rigid.transformed(T_design_scan, self.points)).distance
+        # numpy's own sums: a dot product of many points is split among threads
+        cost_mm2 = float((self.weights * np.minimum(distance, inlier_distance_mm) ** 2).sum())
+        return PoseCost(cost_mm2, float(np.sqrt((self.weights * distance**2).sum())))
+
+
+class ScanModel:
+    """Samples and surface of one scan. fine_samples, coarse_samples : for the final ICP and for trials;
+    surface : in the scan's own frame, None for a point cloud
+    """
+
+    def __init__(self, mesh: Mesh, settings: RegistrationSettings, seed: int) -> None:
+        self.mesh = mesh
+        self.fine_samples = ScanPoints.of(mesh, settings.sample_points, seed)
+        self.coarse_samples = ScanPoints.of(mesh, REGISTRATION.coarse_samples, seed)
+        self.surface = None if mesh.is_cloud else Surface(mesh)
+        self._seed = seed
+
+    def views(self, normal_sign: float) -> Views | None:
+        """The directions it may have been seen from; None for a cloud, which has no outer side."""
+        samples = self.coarse_samples
+        if samples.normals is None:
+            return None
+        some = slice(None, None, max(1, len(samples.points) // REGISTRATION.occlusion_samples))
+        return Views.of(samples.points[some], normal_sign * samples.normals[some])
+
+    def coverage(
+        self, T_design_scan: FloatArray, normal_sign: float, design: Surface, inlier_distance_mm: float
+    ) -> float:
+        """Area share of the design within the inlier distance of the scan and with agreeing normals: the scan of one
+        side of a thin wall does not cover the other side.
+        """
+        samples = sampling.on_surface(design.mesh, REGISTRATION.coverage_samples, self._seed)
+        T_scan_design = rigid.inverse(T_design_scan)
+        in_scan = rigid.transformed(T_scan_design, samples.points)
+        if self.surface is None:
+            distance, _ = nearest(self.mesh.vertices, in_scan)
+            return float(np.mean(distance <= inlier_distance_mm))
+        closest = self.surface.closest(in_scan)
+        normals_scan = samples.normals @ T_scan_design[:3, :3].T
+        agrees = normal_sign * np.einsum("kd,kd->k", normals_scan, closest.normal) > 0
+        return float(np.mean((closest.distance <= inlier_distance_mm) & agrees))

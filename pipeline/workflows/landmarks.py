@@ -1,0 +1,38 @@
+"""Segments and landmarks of one mesh: see `pipeline.find_landmarks`."""
+
+from pathlib import Path
+
+from pipeline.analysis.inputs import read_mesh
+from pipeline.analysis.mesh_analysis import Scales, analyse_mesh
+from pipeline.core import timing
+from pipeline.core.mesh_file import MeshFile
+from pipeline.core.progress import OnProgress
+from pipeline.core.results import LandmarksOfMesh, LandmarksResult, SegmentsOfMesh
+from pipeline.core.settings import Settings
+from pipeline.core.timing import Watch
+from pipeline.report.artifacts import write_landmarks
+from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
+from pipeline.workflows.provenance import one_provenance
+from pipeline.workflows.publish import publish
+
+
+def run_landmarks(
+    file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
+) -> LandmarksResult:
+    """See `pipeline.find_landmarks`."""
+    watch = Watch(on_progress, timing.LANDMARKS)
+    source = read_mesh(file, "mesh", settings, watch, needs_surface=True)
+    mesh = source.mesh
+    analysis = analyse_mesh(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
+    landmarks = landmark_records(analysis)
+    result = LandmarksResult(
+        segments=SegmentsOfMesh(mesh=analysis_segments(analysis, settings)),
+        landmarks=LandmarksOfMesh(mesh=landmarks),
+        provenance=one_provenance(source.record(), settings, seed),
+        timings_s={},
+        files=[],
+        warnings=[*analysis.warnings, *landmark_warnings(mesh=landmarks), *source.warnings()],
+    )
+    return publish(
+        result, out, settings, watch, lambda folder, built: write_landmarks(folder, built, analysis, settings)
+    )

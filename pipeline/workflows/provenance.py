@@ -1,0 +1,48 @@
+"""What made a result: version, libraries, settings, and every limit that settings do not hold."""
+
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+from pipeline.core.results import Input, Inputs, OneInput, OneProvenance, Provenance
+from pipeline.core.settings import Settings
+from pipeline.search import schedule
+from pipeline.verification import thresholds
+
+LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh", "weasyprint")
+
+
+def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:
+    """Of a registration."""
+    return Provenance(inputs=inputs, limits=limits(), **_made_by(settings, seed))
+
+
+def one_provenance(mesh: Input, settings: Settings, seed: int) -> OneProvenance:
+    """Of a job on one mesh."""
+    return OneProvenance(inputs=OneInput(mesh=mesh), **_made_by(settings, seed))
+
+
+def limits() -> dict[str, Any]:
+    """The search's schedule and the verdict's limits, as JSON values."""
+    return {
+        "search": {
+            "matching": asdict(schedule.MATCHING),
+            "registration": asdict(schedule.REGISTRATION),
+            "symmetry": asdict(schedule.SYMMETRY),
+        },
+        "verdict": {
+            "thresholds": asdict(thresholds.VERDICT),
+            "hypotheses": asdict(thresholds.HYPOTHESES),
+            "confidence": asdict(thresholds.CONFIDENCE),
+        },
+    }
+
+
+def _made_by(settings: Settings, seed: int) -> dict[str, Any]:
+    """The fields of `core.results.MadeBy`."""
+    return {
+        "version": version("cusp"),
+        "libraries": {name: version(name) for name in LIBRARIES},
+        "settings": settings.model_dump(mode="json"),
+        "seed": seed,
+    }

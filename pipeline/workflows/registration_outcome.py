@@ -1,0 +1,30 @@
+"""What a registration computed, before any record or file is made of it."""
+
+from dataclasses import dataclass
+
+from pipeline.analysis.design_model import DesignModel
+from pipeline.analysis.inputs import InputMesh
+from pipeline.analysis.scan_registration import RegisteredScan
+from pipeline.core.results import DesignDeviation, Verdict
+from pipeline.stages.deviation import Deviations
+from pipeline.verification.alternative_hypotheses import HypothesisChecks
+from pipeline.verification.verdict import HAS_POSE
+
+
+@dataclass(frozen=True, slots=True)
+class RegistrationOutcome:
+    """Everything that was computed. input_scan : the scan as read; registered : the scan on the design, in mm;
+    of_design : distances of the design to the scan, None without a pose
+    """
+
+    design: DesignModel
+    input_scan: InputMesh
+    registered: RegisteredScan
+    checks: HypothesisChecks
+    verdict: Verdict
+    deviations: Deviations
+    of_design: DesignDeviation | None
+
+    @property
+    def has_pose(self) -> bool:
+        return self.verdict.status in HAS_POSE

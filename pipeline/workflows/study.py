@@ -1,0 +1,43 @@
+"""A study of landmark detectors on one mesh: see `pipeline.study`."""
+
+from pathlib import Path
+
+from pipeline.analysis.inputs import read_mesh
+from pipeline.core import timing
+from pipeline.core.mesh_file import MeshFile
+from pipeline.core.progress import OnProgress, Stage
+from pipeline.core.results import StudyResult
+from pipeline.core.settings import Settings
+from pipeline.core.timing import Watch
+from pipeline.report.artifacts import Artifacts, write_study_page
+from pipeline.studies.detector_study import study
+from pipeline.workflows.provenance import one_provenance
+from pipeline.workflows.publish import publish
+
+
+def run_study(
+    file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
+) -> StudyResult:
+    """See `pipeline.study`."""
+    watch = Watch(on_progress, timing.STUDY)
+    source = read_mesh(file, "mesh", settings, watch, needs_surface=True)
+    with watch.stage(Stage.STUDY):
+        outcome = study(
+            source.mesh, settings, seed, lambda share, message: watch.within(Stage.STUDY, share, message)
+        )
+    result = StudyResult(
+        protocol=outcome.protocol,
+        informativeness=outcome.informativeness,
+        repeatability=outcome.repeatability,
+        summary=outcome.summary,
+        provenance=one_provenance(source.record(), settings, seed),
+        timings_s={},
+        files=[],
+        warnings=[*outcome.warnings, *source.warnings()],
+    )
+
+    def write(folder: Path, built: StudyResult) -> Artifacts:
+        outcome.write(folder)
+        return Artifacts(("trials.csv", "study.svg")) + write_study_page(folder, built, settings)
+
+    return publish(result, out, settings, watch, write)
