@@ -63,6 +63,7 @@ def test_a_bomb_is_cut_off(service: Service, kind: str) -> None:
 @pytest.mark.parametrize(
     "content",
     [gzip.compress(TRIANGLE_OBJ)[:-5], b"not gzip at all", gzip.compress(TRIANGLE_OBJ) + b"rest", b""],
+    ids=["cut", "plain", "rest", "empty"],
 )
 def test_what_is_no_whole_gzip_is_refused(service: Service, content: bytes) -> None:
     answer = service.http.put("/v1/blobs", content=content, params=NAMED, headers=GZIP)
