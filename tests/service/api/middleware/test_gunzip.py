@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from service.api.digests import content_digest
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
 GZIP = {"Content-Encoding": "gzip"}
 NAMED = {"filename": "a.obj"}
