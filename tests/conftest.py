@@ -1,20 +1,12 @@
 """Where the real meshes are, for the tests marked `data`, and servers for those that ask for them."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.support.data import data_folder
 from tests.support.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
-
-
-def data_folder() -> Path | None:
-    """`CUSP_DATA`, or the shared folder beside a developer's checkout when it exists."""
-    beside = Path(__file__).parents[2] / "shared" / "data"
-    given = os.environ.get("CUSP_DATA")
-    folder = Path(given) if given else beside
-    return folder if folder.is_dir() else None
 
 
 @pytest.fixture(scope="session")

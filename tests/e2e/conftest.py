@@ -5,10 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.meshes import blob_stl
+from tests.support.meshes import SHIFT_MM, TURN_DEG, blob_stl
 from tests.support.running import RunningService
-
-TURN_DEG, SHIFT_MM = 25.0, (4.0, -3.0, 2.0)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """Files that mean harm, from the request to the end of the job: each is refused or fails with its reason, and the next runs."""
 
 import io
-import itertools
 import struct
 import zipfile
 from pathlib import Path
@@ -12,7 +11,7 @@ from pipeline import PipelineError
 from service.client.sync import ServiceProblem
 from service.contract.errors import TABLE
 from service.contract.schemas import Status
-from tests.service.execution.test_malformed_meshes import SMALL, cases
+from tests.support.broken_meshes import cases
 from tests.support.running import QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
@@ -58,11 +57,11 @@ def test_broken_meshes_are_refused_or_fail_with_a_reason_and_the_next_job_runs(
     """A few of those that `tests/service/execution/test_malformed_meshes.py` gives to the child alone."""
     processes = running.part("api").pid, running.part("worker").pid
     ids, refused = [], []
-    for number, (ending, content) in enumerate(itertools.islice(cases(), MUTATED)):
+    for number, (ending, content) in enumerate(cases(MUTATED)):
         path = tmp_path / f"{number}.{ending}"
         path.write_bytes(content)
         try:
-            ids.append(running.client.submit(path, options={"settings": SMALL}, job_type="landmarks").id)
+            ids.append(running.client.submit(path, options=QUICK, job_type="landmarks").id)
         except ServiceProblem as error:
             refused.append(error.problem)
     jobs = [running.finish(job_id) for job_id in ids]

@@ -13,8 +13,7 @@ import pipeline
 from pipeline import Stage
 from service.client.sync import ServiceProblem
 from service.contract.schemas import Status
-from tests.e2e.conftest import SHIFT_MM, TURN_DEG
-from tests.support.meshes import stl
+from tests.support.meshes import SHIFT_MM, TURN_DEG, stl
 from tests.support.running import LONG, QUICK, RunningService, downloaded, is_alive, wait_until
 
 pytestmark = pytest.mark.e2e

@@ -5,6 +5,8 @@ import struct
 from collections.abc import Sequence
 
 Point = tuple[float, float, float]
+#: Where the scan of the end-to-end tests lies: turned about z, then shifted.
+TURN_DEG, SHIFT_MM = 25.0, (4.0, -3.0, 2.0)
 
 
 def blob_stl(

@@ -15,17 +15,13 @@ import psutil
 
 from service.client.sync import Client
 from service.contract.schemas import Job, Status
+from tests.support import settings
+from tests.support.settings import FAST
 from tests.support.storage import S3, Postgres, free_port
 
 START_TIMEOUT_S = 90.0
-QUICK = {  # the whole method on the small blobs of tests/support/meshes.py, in a second or two
-    "settings": {
-        "resample": {"target_vertices": 400},
-        "matching": {"max_hypotheses": 8, "dense_pairs": False, "sample_points": 500},
-        "registration": {"sample_points": 1000},
-    }
-}
-LONG = {"settings": {"resample": {"target_vertices": 20_000}}}  # half a minute and more: to be interrupted
+QUICK = {"settings": FAST}  # options of a job
+LONG = {"settings": settings.LONG}
 
 
 def wait_until(condition: Callable[[], Any], seconds: float, what: str) -> Any:

@@ -174,3 +174,14 @@ def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_m
         hub = np.full(m, n * m + number)
         ends.append(np.stack([hub, ring, np.roll(ring, -1)][::turn], 1))
     return Mesh(np.concatenate([vertices, middles]), np.concatenate([sides, *ends]))
+
+
+def cross(arms: int, lift_mm: float = 0.0) -> Mesh:
+    """A disc of revolution with `arms` equal lobes about z; `lift_mm` makes one of them higher and the lobes unequal."""
+    ball = icosphere(1.0, 5)
+    n = ball.vertices
+    angle = np.arctan2(n[:, 1], n[:, 0])
+    round_part = (1 - n[:, 2] ** 2) * (1 + 0.3 * np.cos(arms * angle))
+    z = 4 * n[:, 2] + 2.0 * np.exp(-((n[:, 2] - 1) ** 2) / 0.1)
+    z = z + lift_mm * np.exp(-(angle**2) / 0.1) * np.clip(n[:, 2], 0, None)
+    return Mesh(np.column_stack([20 * n[:, :2] * (0.5 + round_part[:, None]), z]), ball.faces)

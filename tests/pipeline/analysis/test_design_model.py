@@ -14,10 +14,10 @@ from pipeline import Settings
 from pipeline.analysis.design_model import Kept, fingerprint, kept_design
 from pipeline.core import archive
 from pipeline.core.mesh import Mesh
-from tests.pipeline.verification.test_verdict import QUICK
-from tests.pipeline.workflows.test_registration import save, scanned
 from tests.support import shapes
 from tests.support.designs import design_of
+from tests.support.scans import save, scanned
+from tests.support.settings import COARSE as QUICK
 
 DESIGN_STAGES = {"load", "clean", "resample", "geodesics", "segmentation", "features", "landmarks"}
 

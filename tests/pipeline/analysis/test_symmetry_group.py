@@ -6,16 +6,12 @@ import pytest
 from pipeline.analysis.mesh_analysis import Scales
 from pipeline.analysis.symmetry_group import MOST_NEAR, SelfImages
 from pipeline.core.mesh import Mesh
-from pipeline.core.settings import FeaturesSettings, ResampleSettings, Settings
 from pipeline.kernels import rigid
 from pipeline.stages.matching import corners
-from tests.pipeline.verification.test_verdict import cross
 from tests.support import shapes
 from tests.support.designs import design_of
-
-QUICK = Settings(
-    resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000)
-)
+from tests.support.settings import COARSE as QUICK
+from tests.support.shapes import cross
 
 
 def test_a_small_motion_is_no_symmetry() -> None:

@@ -19,14 +19,8 @@ from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import Light, write_glb
 from pipeline.report.page import legend, views_of
 from tests.support.meshes import blob_stl
+from tests.support.settings import FAST as SMALL
 from tests.support.shapes import icosphere
-
-SMALL = {
-    "resample": {"target_vertices": 400},
-    "features": {"target_vertices": 600},
-    "matching": {"max_hypotheses": 8, "dense_pairs": False, "sample_points": 500},
-    "registration": {"sample_points": 1000},
-}
 
 
 @pytest.fixture(scope="module")

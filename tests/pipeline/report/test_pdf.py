@@ -21,8 +21,8 @@ from pypdf.generic import DictionaryObject
 import pipeline
 from pipeline.core.results import RegistrationResult
 from pipeline.report import pdf as report_pdf
-from tests.pipeline.report.test_artifacts import SMALL
 from tests.support.meshes import blob_stl
+from tests.support.settings import FAST as SMALL
 
 MM_PER_POINT = 25.4 / 72
 PAGE = "<!doctype html><html lang='en'><head><title>t</title></head><body>{}</body></html>"

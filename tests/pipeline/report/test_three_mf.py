@@ -16,8 +16,8 @@ from pipeline.report import three_mf
 from pipeline.report.artifacts import _write_three_mf
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.load import load
-from tests.pipeline.report.test_artifacts import SMALL
 from tests.support.meshes import blob_stl
+from tests.support.settings import FAST as SMALL
 from tests.support.shapes import grid_plane, icosphere, motion
 
 

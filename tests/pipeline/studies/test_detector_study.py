@@ -14,8 +14,8 @@ from pipeline.core.settings import ResampleSettings, SegmentationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 from pipeline.studies.repeatability import Condition, pairs_within, repeatability, rows, scanned
-from tests.pipeline.workflows.test_registration import save
 from tests.support import shapes
+from tests.support.scans import save
 
 QUICK = Settings(resample=ResampleSettings(target_vertices=1500))
 

@@ -13,9 +13,10 @@ from pipeline.core.timing import silent
 from pipeline.search.score_ratio import LOOSE_MARGIN
 from pipeline.verification import alternative_hypotheses as doubts
 from pipeline.verification.verdict import CONFIDENCE, MOST_MARGIN, Case, evidence, judge, probability
-from tests.pipeline.verification.test_verdict import QUICK, noisy
 from tests.support import shapes
 from tests.support.designs import design_of
+from tests.support.scans import noisy
+from tests.support.settings import COARSE as QUICK
 
 ASKED = doubts.Asked(QUICK, 0, None)
 LIMITS = QUICK.registration

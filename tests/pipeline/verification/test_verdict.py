@@ -10,39 +10,20 @@ import pipeline
 from pipeline import MeshFile, Settings
 from pipeline.analysis.mesh_analysis import analyse
 from pipeline.core.mesh import Mesh
-from pipeline.core.settings import FeaturesSettings, ResampleSettings
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
 from pipeline.stages.landmarks import LandmarkSet
 from pipeline.stages.matching import Side, fpfh, with_matches
 from pipeline.verification import alternative_hypotheses as doubts
-from tests.pipeline.workflows.test_registration import save, scanned
 from tests.support import shapes
 from tests.support.designs import design_of
-
-QUICK = Settings(
-    resample=ResampleSettings(target_vertices=2000), features=FeaturesSettings(target_vertices=3000)
-)
+from tests.support.scans import noisy, save, scanned
+from tests.support.settings import COARSE as QUICK
+from tests.support.shapes import cross
 
 
 def codes(result: pipeline.RegistrationResult) -> set[str]:
     return {finding.code for finding in result.verdict.findings}
-
-
-def cross(arms: int, lift_mm: float = 0.0) -> Mesh:
-    """A disc of revolution with `arms` equal lobes about z; `lift_mm` makes one of them higher and the lobes unequal."""
-    ball = shapes.icosphere(1.0, 5)
-    n = ball.vertices
-    angle = np.arctan2(n[:, 1], n[:, 0])
-    round_part = (1 - n[:, 2] ** 2) * (1 + 0.3 * np.cos(arms * angle))
-    z = 4 * n[:, 2] + 2.0 * np.exp(-((n[:, 2] - 1) ** 2) / 0.1)
-    z = z + lift_mm * np.exp(-(angle**2) / 0.1) * np.clip(n[:, 2], 0, None)
-    return Mesh(np.column_stack([20 * n[:, :2] * (0.5 + round_part[:, None]), z]), ball.faces)
-
-
-def noisy(mesh: Mesh, seed: int) -> Mesh:
-    noise = np.random.default_rng(seed).normal(0, 0.02, len(mesh.vertices))
-    return Mesh(mesh.vertices + noise[:, None] * mesh.vertex_normals(), mesh.faces).moved(shapes.motion(seed))
 
 
 @pytest.mark.parametrize(("per_mm", "factor"), [(25.4, 25.4), (1000.0, 1000.0), (0.1, 0.1)])

@@ -11,9 +11,9 @@ import pipeline
 from pipeline import PipelineError
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid
-from tests.pipeline.verification.test_verdict import QUICK
-from tests.pipeline.workflows.test_registration import save, scanned
 from tests.support import shapes
+from tests.support.scans import save, scanned
+from tests.support.settings import COARSE as QUICK
 
 POSE = shapes.motion(8)
 

@@ -17,23 +17,7 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import rigid
 from tests.support import shapes
 from tests.support.closest_weights import closest_weights
-
-NOISE_MM = 0.02
-
-
-def save(mesh: Mesh, path: Path) -> Path:
-    if mesh.is_cloud:
-        np.savetxt(path, mesh.vertices, fmt="%.9g")
-    else:
-        trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(path)
-    return path
-
-
-def scanned(T_scan_design: FloatArray, *, levels: int = 4, seed: int = 0) -> Mesh:
-    """The blob with another triangulation, noise, and elsewhere."""
-    blob = shapes.bumpy_blob(levels, triangulation=7)
-    noise = np.random.default_rng(seed).normal(0, NOISE_MM, len(blob.vertices))
-    return Mesh(blob.vertices + noise[:, None] * blob.vertex_normals(), blob.faces).moved(T_scan_design)
+from tests.support.scans import NOISE_MM, save, scanned
 
 
 def displacement_mm(result: pipeline.RegistrationResult, T_design_scan: FloatArray, scan: Mesh) -> float:

@@ -9,7 +9,7 @@ import pytest
 from service.execution.periodic import Chore
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
-from tests.service.conftest import Service, spoil
+from tests.support.service import Service, spoil
 
 pytestmark = pytest.mark.storages
 

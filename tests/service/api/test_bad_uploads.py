@@ -9,8 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
 HEADER = b"binary".ljust(80)
 FACE = struct.pack("<12fH", *range(12), 0)

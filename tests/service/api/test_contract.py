@@ -26,7 +26,7 @@ from service.jobs.models import DEFAULT_TENANT, JobRow, new_id
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
 from service.storage.database import migrate, open_database
-from tests.service.conftest import TRIANGLE_OBJ, serving
+from tests.support.service import TRIANGLE_OBJ, serving
 
 EXAMPLES = 300 if os.environ.get("CUSP_TEST_NIGHTLY") else 15
 #: Two jobs that are there: one that waits, one that is successful without files.

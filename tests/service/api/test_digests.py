@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from service.api.digests import check, content_digest
 from service.contract.errors import DigestMismatch
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service
 
 RIGHT = content_digest(hashlib.sha256(TRIANGLE_OBJ).hexdigest())
 

@@ -6,7 +6,7 @@ import threading
 from typing import Any
 
 from service.execution.sandbox import Outcome
-from tests.service.conftest import Service
+from tests.support.service import Service
 
 
 def events_of(service: Service, job_id: str) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 import pytest
 
-from tests.service.conftest import Service
+from tests.support.service import Service
 
 pytestmark = pytest.mark.storages
 NAMES = [

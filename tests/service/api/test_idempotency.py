@@ -7,7 +7,7 @@ import pytest
 
 from service.auth.keys import KeyStore, Scope
 from service.storage.database import open_database
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service
 
 pytestmark = pytest.mark.storages
 

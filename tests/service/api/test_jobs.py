@@ -8,18 +8,9 @@ import pytest
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import Status
 from service.execution.sandbox import Outcome
-from tests.service.conftest import RESULTS, TRIANGLE_OBJ, Service
+from tests.support.service import RESULTS, TRIANGLE_OBJ, Service, assert_problem
 
 pytestmark = pytest.mark.storages
-
-
-def assert_problem(answer: Any, status: int, code: str, *words: str) -> None:
-    assert answer.status_code == status, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    problem = answer.json()
-    assert (problem["status"], problem["code"]) == (status, code)
-    for word in words:
-        assert word in problem["detail"]
 
 
 # --- starting

@@ -11,8 +11,7 @@ import pytest
 
 from service.api.digests import content_digest
 from service.storage.blobs import UploadWriter
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
 JSON = {"Content-Type": "application/json"}
 

@@ -12,7 +12,7 @@ from service.api.app import create_app
 from service.api.server import configuration
 from service.cli.main import app as cli
 from service.settings import ServiceSettings
-from tests.service.conftest import Service, serving
+from tests.support.service import Service, serving
 
 
 def test_a_request_has_an_id_in_the_answer_and_in_every_line_of_the_log(

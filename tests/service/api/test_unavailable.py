@@ -12,8 +12,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from service.api.app import create_app
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service, serving
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, serving
 
 ADDRESSES = [
     "/readyz",

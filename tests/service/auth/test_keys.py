@@ -15,7 +15,7 @@ from service.cli.main import app as cli
 from service.execution.supervisor import prepare
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service
 
 pytestmark = pytest.mark.storages
 

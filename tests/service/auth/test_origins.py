@@ -9,8 +9,7 @@ from service.api.app import create_app
 from service.auth.keys import KeyStore, Scope
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service, serving
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, serving
 
 FILES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 REBOUND = [

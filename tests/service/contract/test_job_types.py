@@ -8,8 +8,7 @@ import pytest
 
 from service.client.sync import Client
 from service.contract.options import parse_options, resolve_settings
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
 ONE_MESH = ("landmarks", "study")
 

@@ -12,7 +12,7 @@ from service.execution.sandbox import Outcome, SandboxError
 from service.jobs.models import MAX_CRASHES, now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, LOST_AFTER_MS, Reaper
 from service.storage.database import open_database
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service
 
 pytestmark = pytest.mark.storages
 

@@ -15,7 +15,7 @@ from service.execution.sandbox import Outcome
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
 from service.jobs.store import JobStore
-from tests.service.conftest import RESULTS, Service
+from tests.support.service import RESULTS, Service
 
 pytestmark = pytest.mark.storages
 

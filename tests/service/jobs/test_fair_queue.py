@@ -13,7 +13,7 @@ from service.jobs.models import JobRow, new_id
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
 from service.storage.database import migrate, open_database
-from tests.service.conftest import Service
+from tests.support.service import Service
 
 pytestmark = pytest.mark.storages
 

@@ -13,7 +13,7 @@ from service.jobs.metrics import COUNTERS, Metrics
 from service.jobs.models import MAX_CRASHES
 from service.jobs.reaper import Reaper
 from service.storage.database import open_database
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service
 
 pytestmark = pytest.mark.storages
 

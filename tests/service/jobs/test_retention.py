@@ -13,7 +13,7 @@ from service.jobs.retention import HOUR_MS, Retention
 from service.jobs.store import JobStore
 from service.storage.database import open_database
 from service.storage.design_cache import DesignCache
-from tests.service.conftest import TRIANGLE_OBJ, Service, spoil
+from tests.support.service import TRIANGLE_OBJ, Service, spoil
 
 pytestmark = pytest.mark.storages
 

@@ -8,7 +8,7 @@ from obstore.store import LocalStore
 
 from service.execution.sandbox import Outcome
 from service.storage.design_cache import DesignCache, name_of
-from tests.service.conftest import Service
+from tests.support.service import Service
 
 pytestmark = pytest.mark.storages
 

@@ -27,7 +27,7 @@ from service.webhooks.address_guard import ForbiddenAddress, Guard
 from service.webhooks.http_client import TOTAL_S, Poster
 from service.webhooks.outbox import BACK_OFF_S, LEASE_MS, Deliveries
 from service.webhooks.sender import Sender
-from tests.service.conftest import Service
+from tests.support.service import Service
 
 pytestmark = pytest.mark.storages
 LOOPBACK = "127.0.0.0/8"

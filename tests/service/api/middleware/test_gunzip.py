@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from service.api.digests import content_digest
-from tests.service.api.test_jobs import assert_problem
-from tests.service.conftest import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
 GZIP = {"Content-Encoding": "gzip"}
 NAMED = {"filename": "a.obj"}
@@ -63,6 +62,7 @@ def test_a_bomb_is_cut_off(service: Service, kind: str) -> None:
 @pytest.mark.parametrize(
     "content",
     [gzip.compress(TRIANGLE_OBJ)[:-5], b"not gzip at all", gzip.compress(TRIANGLE_OBJ) + b"rest", b""],
+    ids=["cut", "plain", "rest", "empty"],
 )
 def test_what_is_no_whole_gzip_is_refused(service: Service, content: bytes) -> None:
     answer = service.http.put("/v1/blobs", content=content, params=NAMED, headers=GZIP)
