@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.analysis.design_model import DesignModel
+from pipeline.analysis.scan_registration import RegisteredScan
+from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import RegistrationSettings
 from pipeline.search.score_ratio import is_loose, required_ratio, score_ratio
@@ -25,6 +28,15 @@ class Case:
     scan_landmarks: int
     diagonal_mm: float
     max_sigma_mm: float
+
+    @classmethod
+    def of(
+        cls, registered: RegisteredScan, checks: HypothesisChecks, design: DesignModel, job: JobParameters
+    ) -> "Case":
+        registration = registered.registration
+        count = len(registered.scan.landmarks.vertex)
+        max_sigma_mm = job.max_sigma_mm(design.diagonal_mm)
+        return cls(registration, registration.matching, checks, count, design.diagonal_mm, max_sigma_mm)
 
     @property
     def rms_mm(self) -> float:

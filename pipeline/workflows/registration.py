@@ -19,7 +19,7 @@ from pipeline.core.results import DesignDeviation, RegistrationResult
 from pipeline.core.timing import Watch
 from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
-from pipeline.verification.alternative_hypotheses import HypothesisChecks, verify_hypotheses
+from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case
 from pipeline.verification.verdict import HAS_POSE, judge
 from pipeline.workflows.publish import publish
@@ -76,21 +76,12 @@ def compute_registration(
     with watch.stage(Stage.REGISTRATION):
         registered = register_scan(matched, design, job)
         registered, checks = verify_hypotheses(registered, design, job)
-        verdict = judge(_case(registered, checks, design, job), settings.registration)
+        verdict = judge(Case.of(registered, checks, design, job), settings.registration)
     with watch.stage(Stage.DEVIATION):
         deviations = _deviations(registered.scan, registered, design, job)
         has_pose = verdict.status in HAS_POSE
         of_design = _deviation_of_design(registered, design, job) if has_pose else None
     return RegistrationOutcome(design, input_scan, registered, checks, verdict, deviations, of_design)
-
-
-def _case(
-    registered: RegisteredScan, checks: HypothesisChecks, design: DesignModel, job: JobParameters
-) -> Case:
-    registration, scan = registered.registration, registered.scan
-    max_sigma_mm = job.max_sigma_mm(design.diagonal_mm)
-    count = len(scan.landmarks.vertex)
-    return Case(registration, registration.matching, checks, count, design.diagonal_mm, max_sigma_mm)
 
 
 def _deviations(

@@ -2,8 +2,8 @@
 
 Cases that the gauntlet does not have, harder than its own (other seeds, pieces down to 15 %, noise up to 1 %, warp up to 2 %), are
 registered, and the best pose of each is right or wrong whatever the verdict would be. A logistic regression of that on
-`verdict.evidence` is fitted on half of the shapes and judged on the other half; what is printed last, fitted on all of them,
-stands in `pipeline/verification/verdict.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no
+`verification.evidence` is fitted on half of the shapes and judged on the other half; what is printed last, fitted on all of them,
+stands in `pipeline/verification/thresholds.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no
 part in it.
 """
 
@@ -24,13 +24,17 @@ from rich.table import Table
 from sklearn.linear_model import LogisticRegression
 
 import pipeline
-from pipeline.analysis.mesh_analysis import analyse, read
-from pipeline.api import MeshFile
+from pipeline import MeshFile
+from pipeline.analysis.inputs import read_mesh
+from pipeline.analysis.mesh_analysis import analyse_mesh
+from pipeline.analysis.scan_registration import match_scan, register_scan
+from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import Settings
 from pipeline.core.timing import silent
-from pipeline.verification import alternative_hypotheses as doubts
-from pipeline.verification import verdict
+from pipeline.verification.alternative_hypotheses import verify_hypotheses
+from pipeline.verification.evidence import Case, evidence, probability
+from pipeline.verification.verdict import judge
 from tests.accuracy import gauntlet, gauntlet_cases
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Condition, Spec
@@ -73,31 +77,23 @@ def measured(spec: Spec) -> dict[str, Any]:
         files = [
             save(mesh, Path(folder) / f"{name}.ply") for name, mesh in (("d", case.design), ("s", case.scan))
         ]
-        (_, design_in), (_, scan_in) = (
-            read(MeshFile(path), name, settings, silent(), needs_surface=name == "design")
+        design_in, scan_in = (
+            read_mesh(MeshFile(path), name, settings, silent(), needs_surface=name == "design")
             for path, name in zip(files, ("design", "scan"), strict=True)
         )
-    design = design_of(design_in.mesh, settings)
-    scan = analyse(scan_in.mesh, "scan", design.scales, settings, silent(), 0)
-    asked = doubts.Asked(settings, 0, None)
-    found = doubts.registered(scan, *doubts.matched(scan, design, asked), design, asked)
-    found, doubted = doubts.examined(found, design, asked)
-    judged = verdict.Case(
-        found.registration,
-        found.registration.matching,
-        doubted,
-        len(found.scan.landmarks.vertex),
-        design.diagonal_mm,
-        asked.certain_mm(design),
-    )
-    error = gauntlet.error(replace(case, unit_factor=1.0), found.registration.best.T_design_scan)
+    design, job = design_of(design_in.mesh, settings), JobParameters(settings, 0, None)
+    scan = analyse_mesh(scan_in.mesh, "scan", design.scales, settings, silent(), 0)
+    registered = register_scan(match_scan(scan, design, job), design, job)
+    registered, checks = verify_hypotheses(registered, design, job)
+    judged = Case.of(registered, checks, design, job)
+    error = gauntlet.error(replace(case, unit_factor=1.0), registered.registration.best.T_design_scan)
     right = error is not None and error.right and not error.at_rival
     return {
         "case": spec.name,
         "shape": spec.shape,
         "right": right,
-        "status": verdict.judge(judged, settings.registration).status,
-        "evidence": verdict.evidence(judged, settings.registration).tolist(),
+        "status": judge(judged, settings.registration).status,
+        "evidence": evidence(judged, settings.registration).tolist(),
     }
 
 
@@ -137,7 +133,7 @@ def fit(rows: list[dict[str, Any]]) -> FloatArray:
     return np.concatenate([model.intercept_, model.coef_[0]])
 
 
-def judge(said: FloatArray, right: FloatArray, title: str) -> Table:
+def judged_table(said: FloatArray, right: FloatArray, title: str) -> Table:
     """Reliability: of the poses that say so much, how many are right. Brier score in the title."""
     brier = float(np.mean((said - right) ** 2))
     made = Table(
@@ -166,7 +162,7 @@ def _by_shape(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[di
 
 
 def _said(weights: FloatArray, rows: list[dict[str, Any]]) -> FloatArray:
-    return np.array([verdict.probability(weights, np.array(row["evidence"])) for row in rows])
+    return np.array([probability(weights, np.array(row["evidence"])) for row in rows])
 
 
 def main() -> None:
@@ -187,7 +183,7 @@ def main() -> None:
         for learned, kept_out in (_by_shape(rows), _by_shape(rows)[::-1]):
             said = _said(fit(learned), kept_out)
             right = np.array([row["right"] for row in kept_out], dtype=np.float64)
-            console.print(judge(said, right, f"{len(learned)} cases learned, other shapes judged"))
+            console.print(judged_table(said, right, f"{len(learned)} cases learned, other shapes judged"))
         console.print("all cases:", np.round(fit(rows), 2).tolist())
     if args.judge:
         lines = [
@@ -197,7 +193,7 @@ def main() -> None:
         ]
         said = np.array([row.confidence for row in lines])
         right = np.array([bool(row.right) and not row.at_rival for row in lines], dtype=np.float64)
-        console.print(judge(said, right, "poses given in the gauntlet"))
+        console.print(judged_table(said, right, "poses given in the gauntlet"))
 
 
 if __name__ == "__main__":

@@ -21,15 +21,15 @@ from rich.table import Table
 
 import pipeline
 from pipeline import Settings
-from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, segment_mesh
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.timing import silent
 from pipeline.kernels import poses, rigid
+from pipeline.kernels.fpfh import fpfh
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import k_nearest, nearest
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import LandmarkSet, landmarks
-from pipeline.stages.matching import fpfh
 from tests.accuracy.bench import read
 from tests.accuracy.gauntlet_cases import CONDITIONS, printed
 from tests.accuracy.landmarks import HELD_OUT, TUNED_ON
@@ -56,7 +56,7 @@ class Marked:
 
 
 def marked(mesh: Mesh, scales: Scales, settings: Settings) -> Marked:
-    found = cut(mesh, "mesh", scales, settings, silent(), 0, fine=True)
+    found = segment_mesh(mesh, "mesh", scales, settings, silent(), 0, fine=True)
     fine = found.resampled.fine or found.resampled.mesh
     measured = features(fine, scales.radius_mm, settings.features)
     marks = landmarks(

@@ -17,7 +17,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.settings import DeviationSettings
 from pipeline.kernels.surface import Surface
 from pipeline.stages.deviation import deviation, deviation_of_design
-from pipeline.stages.registration import fit
+from pipeline.stages.registration import evaluate_fit
 from tests.support import shapes
 
 RUNS = 3
@@ -38,7 +38,7 @@ def main() -> None:
     design, scan = shapes.bumpy_blob(levels=6), shapes.bumpy_blob(levels=8)
     scan = Mesh(scan.vertices * 1.003, scan.faces)
     surface, inlier_mm = Surface(design), 0.02 * design.diagonal_mm
-    found = fit(scan, scan.weights(), surface, np.eye(4), inlier_mm)
+    found = evaluate_fit(scan, scan.weights(), surface, np.eye(4), inlier_mm)
     one_segment = np.zeros(len(design.faces), dtype=np.int32)
     measured = deviation(scan, surface, found, one_segment, 0.1, DeviationSettings())
 
@@ -50,7 +50,11 @@ def main() -> None:
         table.add_row(what, str(points), f"{seconds(step):.2f}")
 
     n = len(scan.vertices)
-    row("closest points and RMSEs", n, lambda: fit(scan, scan.weights(), surface, np.eye(4), inlier_mm))
+    row(
+        "closest points and RMSEs",
+        n,
+        lambda: evaluate_fit(scan, scan.weights(), surface, np.eye(4), inlier_mm),
+    )
     row(
         "signs and statistics",
         n,

@@ -34,7 +34,8 @@ import pipeline
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.surface import Surface
-from pipeline.search.pose_search import TOLERANCE_SHARE, ScanPoints
+from pipeline.search.scan_model import ScanPoints
+from pipeline.search.schedule import REGISTRATION
 from tests.accuracy import gauntlet_cases, peers
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Case, Spec
@@ -166,7 +167,7 @@ def _icp_from(truth: FloatArray, case: Case, points: FloatArray, surface: Surfac
         truth,
         max_distance_mm=asked.inlier_share * case.design.diagonal_mm,
         max_iterations=asked.max_iterations,
-        tolerance_mm=TOLERANCE_SHARE * case.design.diagonal_mm,
+        tolerance_mm=REGISTRATION.convergence_share * case.design.diagonal_mm,
     ).T_target_source
 
 

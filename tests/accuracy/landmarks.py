@@ -19,7 +19,7 @@ from rich.table import Table
 
 import pipeline
 from pipeline import Settings, StudySettings
-from pipeline.analysis.mesh_analysis import Scales, cut
+from pipeline.analysis.mesh_analysis import Scales, segment_mesh
 from pipeline.core.results import RepeatabilityRow
 from pipeline.core.settings import Detector, LandmarksSettings
 from pipeline.core.timing import silent
@@ -137,7 +137,7 @@ def _border_radii(path: Path, positions: np.ndarray) -> float:
     """Least distance along the surface from a landmark to the open border, in feature radii."""
     mesh, settings = read(path), Settings()
     scales = Scales.of(mesh, settings)
-    resampled = cut(mesh, "mesh", scales, settings, silent(), 0, fine=True).resampled
+    resampled = segment_mesh(mesh, "mesh", scales, settings, silent(), 0, fine=True).resampled
     measured = features(resampled.fine or resampled.mesh, scales.radius_mm, settings.features)
     _, at = nearest(measured.mesh.vertices, positions)
     return float(measured.border_distance_mm[at].min() / scales.radius_mm)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import pipeline
 from pipeline import Settings
-from pipeline.analysis.design_model import Kept, fingerprint, kept_design
+from pipeline.analysis.design_model import CachedDesign, fingerprint, load_design
 from pipeline.core import archive
 from pipeline.core.mesh import Mesh
 from tests.support import shapes
@@ -33,7 +33,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "results.json"}
 
 
-def test_results_and_files_are_the_same_with_a_kept_design(files: tuple[Path, Path], tmp_path: Path) -> None:
+def test_results_and_files_are_the_same_with_a_load_design(files: tuple[Path, Path], tmp_path: Path) -> None:
     cache = tmp_path / "design.npz"
     outs = [tmp_path / name for name in ("without", "first", "second")]
     told: list[list[str]] = [[], [], []]
@@ -59,15 +59,15 @@ def test_results_and_files_are_the_same_with_a_kept_design(files: tuple[Path, Pa
 
 
 def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
-    kept = design_of(shapes.bumpy_blob(4), QUICK).kept
+    kept = design_of(shapes.bumpy_blob(4), QUICK).cached
     archive.write(tmp_path / "kept.npz", kept)
-    back = archive.read(tmp_path / "kept.npz", Kept)
+    back = archive.read(tmp_path / "kept.npz", CachedDesign)
     assert back.analysis.mesh.vertices.tobytes() == kept.analysis.mesh.vertices.tobytes()
     assert back.descriptors.tobytes() == kept.descriptors.tobytes()
     assert back.analysis.landmarks.t2.tobytes() == kept.analysis.landmarks.t2.tobytes()
     assert back.analysis.segmentation.labels.dtype == kept.analysis.segmentation.labels.dtype
     assert back.analysis.resampled.fine is None
-    assert (back.input, back.notes, back.files) == (kept.input, kept.notes, kept.files)
+    assert (back.input, back.warnings, back.files) == (kept.input, kept.warnings, kept.files)
 
 
 def test_another_design_other_settings_or_a_damaged_file_are_not_taken(
@@ -76,9 +76,9 @@ def test_another_design_other_settings_or_a_damaged_file_are_not_taken(
     mesh_file = pipeline.MeshFile(files[0])
     design = design_of(shapes.bumpy_blob(4), QUICK)
     path = tmp_path / "kept.npz"
-    assert kept_design(path, mesh_file, QUICK, 0) is None  # nothing there
-    archive.write(path, design.kept)
-    assert kept_design(path, mesh_file, QUICK, 0) is None  # its fingerprint is another
+    assert load_design(path, mesh_file, QUICK, 0) is None  # nothing there
+    archive.write(path, design.cached)
+    assert load_design(path, mesh_file, QUICK, 0) is None  # its fingerprint is another
     marks = {
         fingerprint(mesh_file, QUICK, 0),
         fingerprint(mesh_file, QUICK, 1),
@@ -89,7 +89,7 @@ def test_another_design_other_settings_or_a_damaged_file_are_not_taken(
     assert len(marks) == 5
     for damage in (b"", b"PK\x03\x04 not a zip", path.read_bytes()[:1000]):
         path.write_bytes(damage)
-        assert kept_design(path, mesh_file, QUICK, 0) is None
+        assert load_design(path, mesh_file, QUICK, 0) is None
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,6 @@ def test_an_archive_holds_no_pickle(tmp_path: Path) -> None:
     path = tmp_path / "bad.npz"
     np.savez(path, meta=np.array([{"a": 1}], dtype=object))
     with pytest.raises(archive.NotAnArchive):
-        archive.read(path, Kept)
+        archive.read(path, CachedDesign)
     with pytest.raises(TypeError, match="no place"):
         archive.write(path, object())

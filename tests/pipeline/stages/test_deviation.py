@@ -11,7 +11,7 @@ from pipeline.core.settings import DeviationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design, side_of, weighted_quantiles
-from pipeline.stages.registration import fit
+from pipeline.stages.registration import evaluate_fit
 from tests.support import shapes
 
 
@@ -20,7 +20,9 @@ def measured(
 ) -> Deviations:
     """Under the pose T, by default as they lie; every face of the design is a segment by its main direction."""
     surface = Surface(design)
-    found = fit(scan, scan.weights(), surface, np.eye(4) if T is None else T, 0.02 * design.diagonal_mm)
+    found = evaluate_fit(
+        scan, scan.weights(), surface, np.eye(4) if T is None else T, 0.02 * design.diagonal_mm
+    )
     normals = design.face_cross_mm2()
     segment = (2 * np.abs(normals).argmax(axis=1) + (normals.sum(axis=1) > 0)).astype(np.int32)
     return deviation(scan, surface, found, segment, tolerance_mm, DeviationSettings())
@@ -35,7 +37,7 @@ def summary(*given: object, **more: object) -> Deviation:
 def of_design(design: Mesh, scan: Mesh, tolerance_mm: float | None = None) -> DesignDeviation | None:
     surface = Surface(design)
     inlier = 0.02 * design.diagonal_mm
-    found = fit(scan, scan.weights(), surface, np.eye(4), inlier)
+    found = evaluate_fit(scan, scan.weights(), surface, np.eye(4), inlier)
     return deviation_of_design(
         scan, None if scan.is_cloud else Surface(scan), surface, found, inlier, tolerance_mm
     )

@@ -8,13 +8,16 @@ import pytest
 
 import pipeline
 from pipeline import MeshFile, Settings
-from pipeline.analysis.mesh_analysis import analyse
+from pipeline.analysis.mesh_analysis import analyse_mesh
+from pipeline.analysis.scan_registration import MatchedScan, match_scan, register_scan
+from pipeline.core.job_parameters import JobParameters
+from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import Mesh
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
-from pipeline.stages.landmarks import LandmarkSet
-from pipeline.stages.matching import Side, fpfh, with_matches
-from pipeline.verification import alternative_hypotheses as doubts
+from pipeline.kernels.fpfh import fpfh
+from pipeline.search.types import DescribedMesh, mirror_mesh
+from pipeline.stages.matching import match_landmarks
 from tests.support import shapes
 from tests.support.designs import design_of
 from tests.support.scans import noisy, save, scanned
@@ -157,19 +160,25 @@ def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp
 def test_matches_are_of_the_pose_that_is_given() -> None:
     """Whatever pose matching put first."""
     part = cross(4, lift_mm=1.5)
-    design, asked = design_of(part, QUICK), doubts.Asked(QUICK, 0, None)
-    scan = analyse(noisy(part, 1), "scan", design.scales, QUICK, silent(), 0)
-    side, matching = doubts.matched(scan, design, asked)
-    length_mm = design.scales.matching_mm(QUICK)
+    design, job = design_of(part, QUICK), JobParameters(QUICK, 0, None)
+    scan = analyse_mesh(noisy(part, 1), "scan", design.scales, QUICK, silent(), 0)
+    matched = match_scan(scan, design, job)
+    matching, length_mm = matched.matching, design.matching_mm
     turned = replace(
         matching.hypotheses[0], T_design_scan=quarter_turns()[1] @ matching.hypotheses[0].T_design_scan
     )
-    wrong = with_matches(design.side, side, (turned, *matching.hypotheses), turned.T_design_scan, length_mm)
+    hypotheses = (turned, *matching.hypotheses)
+    wrong = match_landmarks(
+        design.described.landmarks, scan.landmarks, hypotheses, turned.T_design_scan, length_mm
+    )
     right, misled = (
-        doubts.registered(scan, side, each, design, asked).registration for each in (matching, wrong)
+        register_scan(MatchedScan(scan, matched.described, each), design, job).registration
+        for each in (matching, wrong)
     )
     moved = rigid.transformed(misled.best.T_design_scan, scan.landmarks.position_mm[misled.matching.scan])
-    residual_mm = np.linalg.norm(moved - design.side.landmarks.position_mm[misled.matching.design], axis=1)
+    residual_mm = np.linalg.norm(
+        moved - design.described.landmarks.position_mm[misled.matching.design], axis=1
+    )
     assert len(residual_mm) >= 3 and residual_mm.max() <= length_mm
     assert rigid.rms_displacement(misled.best.T_design_scan, right.best.T_design_scan, part.vertices) < 0.1
     assert misled.rmse_landmarks_mm == pytest.approx(right.rmse_landmarks_mm, rel=0.2)
@@ -203,14 +212,15 @@ def test_another_part_is_no_match(tmp_path: Path) -> None:
 
 def test_descriptors_of_a_mirror_image_are_the_mirrored_descriptors() -> None:
     blob = shapes.bumpy_blob(3)
-    across = np.array([-1.0, 1.0, 1.0])
-    image = Mesh(blob.vertices * across, blob.faces[:, ::-1])
+    image = mirror_mesh(blob)
     nobody = np.zeros(0, dtype=np.int64)
     empty = LandmarkSet(
         nobody, np.zeros((0, 3)), np.zeros((0, 3)), nobody, np.zeros(0), np.zeros(0), np.zeros(0), 0.0
     )
     settings = Settings().matching
-    side = Side(blob, empty).reflected(3.0, settings)
+    mirrored = DescribedMesh(blob, empty).mirrored(3.0, settings)
     direct = fpfh(image, settings.descriptor_radius_lengths * 3.0)
-    apart = np.linalg.norm(side.described(3.0, settings) - direct, axis=1) / np.linalg.norm(direct, axis=1)
+    apart = np.linalg.norm(mirrored.compute_descriptors(3.0, settings) - direct, axis=1) / np.linalg.norm(
+        direct, axis=1
+    )
     assert np.median(apart) < 0.02
