@@ -21,17 +21,19 @@ def register(
     design_cache: Path | str | None = None,
     on_progress: OnProgress = ignore,
 ) -> RegistrationResult:
-    """Find `T_design_scan`, the rigid motion that puts the scan on its design, and judge how far it can be trusted.
+    """Find `T_design_scan`, the rigid motion that puts the scan on its design, and judge how far it can be
+    trusted.
 
     Parameters
     ----------
     design, scan : files; the design must have triangles, the scan may be points
-    tolerance_mm : > 0, for `deviation.within / above / below`; None leaves them null. It also says how certain the pose must
-        be: `under_constrained` when a motion is less certain (one sigma); None: `registration.free_motion_share`.
+    tolerance_mm : > 0, for `deviation.within / above / below`; None leaves them null. It also says how
+        certain the pose must be: `under_constrained` when a motion is less certain (one sigma); None:
+        `registration.free_motion_share`.
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
-    design_cache : file where the analysis of the design is kept for its next scan; made when it is not there, or is of
-        another design, other settings or another version. Results are the same with and without.
+    design_cache : file where the analysis of the design is kept for its next scan; made when it is not there,
+        or is of another design, other settings or another version. Results are the same with and without.
     on_progress : called with each `Progress`, in order
 
     Raises
@@ -71,8 +73,8 @@ def find_segments(
     Parameters
     ----------
     mesh : a file with triangles
-    out : folder for mesh.segments.ply (coloured by segment, halo pale), mesh.vertices.csv, mesh.decision_graph.svg
-        and results.json; None writes nothing and `files` is empty
+    out : folder for mesh.segments.ply (coloured by segment, halo pale), mesh.vertices.csv,
+        mesh.decision_graph.svg and results.json; None writes nothing and `files` is empty
     seed : of the draws of some methods; the same seed, file and settings give the same bytes
     on_progress : called with each `Progress`, in order
 
@@ -105,16 +107,16 @@ def find_landmarks(
     Parameters
     ----------
     mesh : a file with triangles
-    out : folder for landmarks.csv, mesh.clean.ply, mesh.vertices.csv, mesh.segments.ply, mesh.decision_graph.svg and
-        results.json; None writes nothing and `files` is empty
+    out : folder for landmarks.csv, mesh.clean.ply, mesh.vertices.csv, mesh.segments.ply,
+        mesh.decision_graph.svg and results.json; None writes nothing and `files` is empty
     seed : of the draws of some detectors; the same seed, file and settings give the same bytes
     on_progress : called with each `Progress`, in order
 
     Raises
     ------
     PipelineError
-        When the file is unreadable, has no usable surface, or only pieces too small to have a centre. "Nothing to
-        mark" is a result: no landmarks, and the warning `no_landmarks`.
+        When the file is unreadable, has no usable surface, or only pieces too small to have a centre.
+        "Nothing to mark" is a result: no landmarks, and the warning `no_landmarks`.
     """
     from pipeline.workflows.landmarks import run_landmarks
 
@@ -140,15 +142,16 @@ def study(
     seed: int = 0,
     on_progress: OnProgress = ignore,
 ) -> StudyResult:
-    """Do landmarks carry what registration needs (`informativeness`, the paper's protocol), and are they found again
-    on another mesh of the same shape (`repeatability`)?
+    """Do landmarks carry what registration needs (`informativeness`, the paper's protocol), and are they
+    found again on another mesh of the same shape (`repeatability`)?
 
     Parameters
     ----------
     mesh : a file with triangles
     kind, trials, detectors, noise_mm, eps : over `settings.study`, where each is described; None leaves it
     out : folder for results.json, trials.csv and study.svg; None writes nothing and `files` is empty
-    seed : of every trial's draw; the same seed, file and settings give the same bytes, whatever the number of processors
+    seed : of every trial's draw; the same seed, file and settings give the same bytes, whatever the number of
+    processors
     on_progress : called with each `Progress`, in order
 
     Raises

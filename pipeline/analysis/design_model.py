@@ -1,6 +1,8 @@
-"""The model of a design: everything that follows from its file and the settings, and that serves every scan of it.
+"""The model of a design: everything that follows from its file and the settings, and that serves every scan
+of it.
 
-It is computed once and can be cached in a file (`core.archive`): the next scan of the design does no design work.
+It is computed once and can be cached in a file (`core.archive`): the next scan of the design does no design
+work.
 """
 
 import hashlib
@@ -28,8 +30,8 @@ from pipeline.search.types import DescribedMesh
 class CachedDesign:
     """What is stored of a design model.
 
-    fingerprint : of everything it follows from; descriptors : of its working mesh; symmetries, approximate : (4, 4)
-    each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's alone, by name
+    fingerprint : of everything it follows from; descriptors : of its working mesh; symmetries, approximate :
+    (4, 4) each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's alone, by name
     """
 
     fingerprint: str
@@ -88,7 +90,9 @@ class DesignModel:
 
 
 def load_design(path: Path, file: MeshFile, settings: Settings, seed: int) -> DesignModel | None:
-    """The model stored at `path` if it is there, undamaged, and of this file, these settings and this code."""
+    """The model stored at `path` if it is there, undamaged, and of this file, these settings and this
+    code.
+    """
     try:
         cached = archive.read(path, CachedDesign)
     except (FileNotFoundError, archive.NotAnArchive):

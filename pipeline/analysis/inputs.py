@@ -14,8 +14,8 @@ from pipeline.stages.load import Loaded, load
 
 @dataclass(frozen=True, slots=True)
 class InputMesh:
-    """One mesh of a job, read. name : `design`, `scan` or `mesh`; loaded : as in the file, in mm; cleaned : what
-    every later stage works on
+    """One mesh of a job, read. name : `design`, `scan` or `mesh`; loaded : as in the file, in mm; cleaned :
+    what every later stage works on
     """
 
     name: str
@@ -48,7 +48,10 @@ class InputMesh:
             detail = f"{self.name}: {report['turned_faces']} triangles faced the wrong way and were turned"
             notes.append(Note(code="turned_faces", detail=detail))
         if self.mesh.is_cloud:
-            detail = f"{self.name}: points without triangles; a surface was laid through them for the analysis only"
+            detail = (
+                f"{self.name}: points without triangles; a surface was laid through them for the "
+                "analysis only"
+            )
             notes.append(Note(code="point_cloud", detail=detail))
         return notes
 

@@ -1,4 +1,6 @@
-"""The analysis of one mesh, the same for design and scan: working mesh, geodesics, segments, features, landmarks."""
+"""The analysis of one mesh, the same for design and scan: working mesh, geodesics, segments, features,
+landmarks.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -61,8 +63,8 @@ class SegmentationResult:
 class Analysis:
     """One analysed mesh.
 
-    mesh : the cleaned mesh, which `vertex` in results indexes; landmark_vertices : (k,) its vertex nearest to each
-    landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live
+    mesh : the cleaned mesh, which `vertex` in results indexes; landmark_vertices : (k,) its vertex nearest to
+    each landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live
     """
 
     mesh: Mesh
@@ -84,8 +86,8 @@ class Analysis:
 def segment_mesh(
     mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int, *, fine: bool = False
 ) -> SegmentationResult:
-    """Stages resample, geodesics and segmentation (steps 1 and 2 of the method). fine : also make the finer mesh that
-    features are computed on
+    """Stages resample, geodesics and segmentation (steps 1 and 2 of the method). fine : also make the finer
+    mesh that features are computed on
     """
     with watch.stage(Stage.RESAMPLE, name):
         fine_edge_mm = scales.fine_edge_mm if fine else None

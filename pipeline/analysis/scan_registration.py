@@ -1,4 +1,6 @@
-"""Matching and registering one scan to a design model: the stages of that name, with the model's parts put in place."""
+"""Matching and registering one scan to a design model: the stages of that name, with the model's parts put in
+place.
+"""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,8 @@
 """The symmetries of a design: the motions under which it is its own image, found by registering it to itself.
 
-Every pose of a scan of such a design has equals: as right, and no reason to call the pose ambiguous. An axis of symmetry
-is a principal axis, or lies in the plane of two equal ones: turns about those are tried, and what matching the design
-to itself finds, which covers parts as round as a cube.
+Every pose of a scan of such a design has equals: as right, and no reason to call the pose ambiguous. An axis
+of symmetry is a principal axis, or lies in the plane of two equal ones: turns about those are tried, and what
+matching the design to itself finds, which covers parts as round as a cube.
 """
 
 from functools import cached_property
@@ -25,8 +25,8 @@ from pipeline.stages.matching import match
 class SymmetryGroup:
     """Motions (4, 4), design frame to design frame.
 
-    elements : under which the design is its own image, without the identity; approximate : under which it is but for
-    some part of it, where a scan finds alternative poses (a gear with a key, turned by one tooth)
+    elements : under which the design is its own image, without the identity; approximate : under which it is
+    but for some part of it, where a scan finds alternative poses (a gear with a key, turned by one tooth)
     """
 
     def __init__(
@@ -41,8 +41,8 @@ class SymmetryGroup:
         self._diagonal_mm = surface.mesh.diagonal_mm
 
     def contains(self, T: FloatArray) -> bool:
-        """Whether T (4, 4), estimated from two poses of a noisy scan, is a symmetry: a known one, or one that the
-        surface itself confirms.
+        """Whether T (4, 4), estimated from two poses of a noisy scan, is a symmetry: a known one, or one that
+        the surface itself confirms.
 
         A motion near the identity is one only where the surface holds it there: a pose next to another is an
         alternative, not a symmetry.
@@ -143,7 +143,9 @@ class _CandidateFinder:
     def close_approximate(
         self, candidates: list[FloatArray], elements: tuple[FloatArray, ...], limit_mm2: float
     ) -> tuple[FloatArray, ...]:
-        """`candidates` and their products of a cost up to `limit_mm2`, without the identity and `elements`."""
+        """`candidates` and their products of a cost up to `limit_mm2`, without the identity and
+        `elements`.
+        """
         known = np.array([np.eye(4), *elements])
         exact, box = len(known), box_corners(self._mesh)
         apart_mm = MATCHING.neighbour_share * self._diagonal_mm
@@ -184,8 +186,8 @@ class _CandidateFinder:
 
 
 def possible_turns(points: FloatArray) -> FloatArray:
-    """(k, 4, 4) about the centroid of `points` (n, 3): n-fold turns about the principal axes, and half turns about axes
-    between equal ones.
+    """(k, 4, 4) about the centroid of `points` (n, 3): n-fold turns about the principal axes, and half turns
+    about axes between equal ones.
     """
     centre = points.mean(axis=0)
     covariance = np.einsum("ki,kj->ij", points - centre, points - centre) / len(points)

@@ -9,8 +9,10 @@ from pipeline.core.mesh import FloatArray, IndexArray
 class LandmarkSet:
     """Landmarks of one mesh, strongest first, in that mesh's own frame.
 
-    vertex : (k,) nearest vertex of the working mesh; position_mm, normal : (k, 3); segment, t2, strength : (k,);
-    t2_all : (n,) T^2 of every working vertex, 0 where none was computed; limit_share : share beyond the T^2 limit
+    vertex : (k,) nearest vertex of the working mesh; position_mm, normal : (k, 3); segment, t2, strength :
+    (k,);
+    t2_all : (n,) T^2 of every working vertex, 0 where none was computed; limit_share : share beyond the T^2
+    limit
     """
 
     vertex: IndexArray

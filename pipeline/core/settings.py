@@ -1,7 +1,9 @@
-"""Every knob of the method: one frozen section a stage, every default runs, units in the names.
+"""The settings of the method: one frozen section for each stage, working defaults, units in the names.
 
-`Settings()` is the default; `Settings.paper()` is the paper to the letter where this version knows how.
-Lengths given as a share refer to the *design's* size, so that both meshes of a job are looked at on one scale.
+`Settings()` is the default; `Settings.paper()` follows the paper to the letter.
+Lengths given as a share refer to the size of the *design*, so that both meshes of a job are analysed at one
+scale. Limits of the search and the verdict that users cannot set: `search/schedule.py`,
+`verification/thresholds.py`.
 """
 
 from typing import Literal, Self
@@ -31,7 +33,7 @@ class CleanSettings(Section):
         1e-6,
         ge=0,
         le=1e-3,
-        description="border vertices this close (share of the diagonal) are one; 0 is off",
+        description="merge border vertices closer than this share of the diagonal; 0 is off",
     )
     repair_non_manifold: bool = Field(
         True, description="remove faces at edges that more than two faces share"
@@ -59,7 +61,8 @@ class ResampleSettings(Section):
 
 class GeodesicsSettings(Section):
     metric: Literal["surface", "crease"] = Field(
-        "crease", description="what a path costs: its length (paper), or more where it crosses valleys"
+        "crease",
+        description="length of a path: along the surface (paper), or longer where it crosses valleys",
     )
     crease_beta: float = Field(
         4.0, ge=0, le=100, description="crossing a valley costs twice this many times its depth"
@@ -81,7 +84,8 @@ class SegmentationSettings(Section):
     quantile: float = Field(0.005, gt=0, lt=1, description="d_c is this quantile of all pairwise distances")
     density: Literal["vertex", "area", "convexity"] = Field(
         "convexity",
-        description="what rho counts: vertices (paper), their area, or area weighted by its height on a bump",
+        description="density rho: number of vertices (paper), their area, or area weighted by height on a "
+        "bump",
     )
     convexity_radius_share: float = Field(
         0.13, gt=0, lt=1, description="size of the bumps, as a share of sqrt(area of the design)"
@@ -94,16 +98,16 @@ class SegmentationSettings(Section):
     )
     kernel: Literal["cutoff", "gaussian"] = Field(
         "gaussian",
-        description="how distance counts in rho: all or nothing at d_c (eq. 1), or exp(-(d / d_c)^2)",
+        description="weight of a neighbour in rho: 1 below d_c (eq. 1), or exp(-(d / d_c)^2)",
     )
     n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
     rho_min: float | None = Field(
         None, ge=0, description="centres are the vertices with at least this rho and delta_min_mm"
     )
-    delta_min_mm: float | None = Field(None, ge=0, description="see rho_min; either alone will do")
+    delta_min_mm: float | None = Field(None, ge=0, description="see rho_min; either may be given alone")
     centre_rule: Literal["prominence", "decision_graph"] = Field(
         "prominence",
-        description="without any of the three above: join peaks over dense borders, or thresholds (paper)",
+        description="without the three above: merge peaks over dense borders, or thresholds (paper)",
     )
     min_prominence: float = Field(
         4.33, ge=0, description="prominence: a centre stays when its log rho is this much above its borders'"
@@ -117,7 +121,7 @@ class SegmentationSettings(Section):
         0.5, ge=0, le=1, description="decision_graph: and rho of at least this share of the median rho"
     )
     max_centres: int = Field(
-        64, ge=1, description="decision_graph: at most so many, the largest rho * delta first"
+        64, ge=1, description="decision_graph: maximum number, largest rho * delta first"
     )
     min_component_share: float = Field(
         0.01, ge=0, lt=1, description="a connected piece needs this share of the area to have a centre"
@@ -150,21 +154,23 @@ class LandmarksSettings(Section):
         None,
         ge=1,
         le=10_000,
-        description="at most so many, the strongest first; null: all (competitors: as many as t2)",
+        description="maximum number, strongest first; null: all (competitors: as many as t2)",
     )
     confidence: float = Field(
         0.5,
         gt=0,
         lt=1,
-        description="alpha of the T^2 limit (eq. 3); of maxima alone, 0.97 (paper) would leave a handful",
+        description="alpha of the T^2 limit (eq. 3); for maxima only, 0.97 (paper) would leave very few",
     )
     statistics: Literal["part", "segment"] = Field(
         "part",
-        description="T^2 by the part's covariance and the segment's own size of spread, or by the segment's (paper)",
+        description="T^2 by the part's covariance and the segment's own size of spread, or by the segment's "
+        "(paper)",
     )
     standardize: bool = Field(
         True,
-        description="segment: one scale a feature (one common scale for l1..l3); false: covariance PCA (paper)",
+        description="segment: one scale a feature (one common scale for l1..l3); false: covariance PCA "
+        "(paper)",
     )
     include_halo: bool = Field(
         True, description="use halo vertices for the PCA and as landmarks (paper: false)"
@@ -187,7 +193,8 @@ class LandmarksSettings(Section):
     min_relief: float = Field(
         0.02,
         ge=0,
-        description="a segment whose spread of mean curvature times feature radius is below this gets no landmarks",
+        description="a segment whose spread of mean curvature times feature radius is below this gets no "
+        "landmarks",
     )
     localize_radii: float = Field(
         0.3,
@@ -198,7 +205,8 @@ class LandmarksSettings(Section):
     )
     min_sharpness: float = Field(
         0.2,
-        description="T must fall this fast in every direction (its second derivative times radius^2 over T): no ridges",
+        description="T must fall this fast in every direction (its second derivative times radius^2 over "
+        "T): no ridges",
     )
 
 
@@ -209,12 +217,12 @@ class MatchingSettings(Section):
     descriptor_radius_lengths: float = Field(5.0, gt=0, description="FPFH support in units of length")
     candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
     max_pairs: int = Field(
-        8_000, ge=100, description="best-agreeing correspondence pairs turned into poses, a source"
+        8_000, ge=100, description="maximum number of correspondence pairs that become poses, for each source"
     )
     max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
     sample_points: int = Field(1500, ge=100, description="scan points of the short ICP")
-    axes_poses: bool = Field(True, description="also try the 24 poses that align principal axes")
-    dense_pairs: bool = Field(True, description="also try poses from FPFH pairs of evenly spread points")
+    axes_poses: bool = Field(True, description="also generate the 24 poses that align principal axes")
+    dense_pairs: bool = Field(True, description="also generate poses from FPFH pairs of evenly spread points")
 
 
 class RegistrationSettings(Section):
@@ -245,12 +253,13 @@ class RegistrationSettings(Section):
     free_motion_share: float = Field(
         0.005,
         gt=0,
-        description="verdict under_constrained when a motion is less certain (one sigma) than this share of the diagonal",
+        description="verdict under_constrained when a motion is less certain (one sigma) than this share of "
+        "the diagonal",
     )
     mirror_share: float = Field(
         0.0025,
         ge=0,
-        description="look for a mirrored scan when the residual is above this share of the diagonal",
+        description="test the mirror image when the residual is above this share of the diagonal",
     )
     mirror_gain: float = Field(
         0.6,
@@ -267,11 +276,11 @@ class DeviationSettings(Section):
 
 
 class StudySettings(Section):
-    """What a study job does; `options.study` of a job is laid over this."""
+    """What a study job does; `options.study` of a job overrides it."""
 
     kind: StudyKind = Field(
         "informativeness",
-        description="the paper's protocol, or are landmarks found again on another mesh of the shape",
+        description="the paper's protocol, or whether landmarks are found again on another mesh of the shape",
     )
     trials: int | None = Field(
         None,
@@ -287,7 +296,8 @@ class StudySettings(Section):
     noise_mm: float | None = Field(
         None,
         gt=0,
-        description="informativeness: each coordinate moves by up to this (paper: 2.5); null: 3 % of the diagonal. "
+        description="informativeness: each coordinate moves by up to this (paper: 2.5); null: 3 % of the "
+        "diagonal. "
         "repeatability: standard deviation of the noise; null: 0.1 % and 0.3 % of the diagonal",
     )
     rotation_deg: float = Field(
@@ -312,7 +322,8 @@ class ReportSettings(Section):
     pdf: bool = Field(False, description="also write report.pdf: the page of report.html on A4")
     three_mf: bool = Field(
         False,
-        description="registration: also write aligned.3mf, the aligned scan in the colours of its deviation, its unit declared "
+        description="registration: also write aligned.3mf, the aligned scan in the colours of its "
+        "deviation, its unit declared "
         "(experimental)",
     )
 
@@ -348,7 +359,9 @@ class Settings(Section):
 
     @classmethod
     def paper(cls) -> "Settings":
-        """The paper: the file's own vertices, counted; integrated features; covariance PCA; the printed limit."""
+        """The paper: the file's own vertices, counted; integrated features; covariance PCA; the printed
+        limit.
+        """
         return cls(
             resample=ResampleSettings(enabled=False),
             geodesics=GeodesicsSettings(metric="surface"),

@@ -1,4 +1,5 @@
-"""The files of a job, beside results.json: meshes, tables, drawings and the report, from what the stages computed.
+"""The files of a job, beside results.json: meshes, tables, drawings and the report, from what the stages
+computed.
 
 Each `write_*` function writes into an existing folder and returns the names that it wrote.
 """
@@ -129,7 +130,9 @@ def display_mesh(analysis: Analysis) -> DisplayMesh:
 
 
 def _write_deviation(out: Path, aligned: DisplayMesh, deviations: Deviations) -> list[str]:
-    """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is counted."""
+    """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is
+    counted.
+    """
     if deviations.summary is None:
         return []
     mesh, scale = aligned.full, colour_scale(deviations)
@@ -154,7 +157,10 @@ def _write_page(out: Path, text: str, settings: ReportSettings) -> Artifacts:
 
 def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations) -> Artifacts:
     if aligned.is_cloud:
-        detail = f"{ALIGNED_3MF} was not written: the scan is points, and 3MF holds triangles; aligned.ply has them"
+        detail = (
+            f"{ALIGNED_3MF} was not written: the scan is points, and 3MF holds triangles; aligned.ply "
+            "has them"
+        )
         return Artifacts(notes=(Note(code="no_three_mf", detail=detail),))
     colours = colour_scale(deviations).colours(deviations.signed_mm, deviations.counted)
     three_mf.write(out / ALIGNED_3MF, aligned, colours, "aligned scan")

@@ -79,7 +79,9 @@ def _both_segmented(
     *,
     is_aligned: bool,
 ) -> Pictures:
-    """Segments of both beside each other; with a pose from the same sides, in whatever frame the scan was uploaded."""
+    """Segments of both beside each other; with a pose from the same sides, in whatever frame the scan was
+    uploaded.
+    """
     of_design = segment_pictures("design", design, design_display, design.mesh, count=2)
     like = design.mesh if is_aligned else scan_display.full
     of_scan = segment_pictures("scan", scan, scan_display, like, count=2)

@@ -1,7 +1,7 @@
 """Candidate poses, before any of them is tried: from pairs of matched descriptors, and from principal axes.
 
-Three sources that fail independently: descriptors of landmarks, descriptors of evenly spread points, and the 24
-poses that align the principal axes. Two corresponding oriented points fix a pose.
+Three sources that fail independently: descriptors of landmarks, descriptors of evenly spread points, and the
+24 poses that align the principal axes. Two corresponding oriented points fix a pose.
 """
 
 import numpy as np
@@ -24,10 +24,11 @@ def generate_candidates(
 ) -> PosePool:
     """Every candidate of every source, with cost 0.
 
-    design_points, scan_points : (k, 3), (l, 3) even samples of both surfaces; length_mm : unit of length of matching
+    design_points, scan_points : (k, 3), (l, 3) even samples of both surfaces; length_mm : unit of length of
+    matching
 
-    An open surface does not tell its outside from its inside (depth-camera meshes come either way), so where one
-    of the two is open, poses are also generated with the scan's normals flipped.
+    An open surface does not tell its outside from its inside (depth-camera meshes come either way), so where
+    one of the two is open, poses are also generated with the scan's normals flipped.
     """
     pairs = _PairGenerator(design, scan, length_mm, settings)
     spread = sampling.farthest(scan.mesh.vertices, MATCHING.dense_points)

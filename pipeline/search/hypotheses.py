@@ -1,4 +1,5 @@
-"""From thousands of candidate poses to a dozen distinct hypotheses: rank, refine by short ICPs, look at neighbours.
+"""From thousands of candidate poses to a dozen distinct hypotheses: rank, refine by short ICPs, look at
+neighbours.
 
 The schedule (how many points, how many iterations, how many go on) is data: `search.schedule.MATCHING`.
 """
@@ -18,9 +19,9 @@ from pipeline.search.types import SOURCES, Hypothesis, PosePool
 
 
 class HypothesisSearch:
-    """One scan on one design. `symmetries` : (4, 4) each, design to design; of poses that differ by one of them one is
-    kept, so that the images of one pose do not crowd out others. `approximate` : motions under which the design is
-    nearly its own image, where alternatives are expected.
+    """One scan on one design. `symmetries` : (4, 4) each, design to design; of poses that differ by one of
+    them one is kept, so that the images of one pose do not crowd out others. `approximate` : motions under
+    which the design is nearly its own image, where alternatives are expected.
     """
 
     def __init__(
@@ -84,7 +85,9 @@ class HypothesisSearch:
         return self._refine_new(around, MATCHING.neighbour_rounds, pool)
 
     def _propagate_periodicity(self, pool: PosePool, neighbours: PosePool) -> PosePool:
-        """Repeats the step to each neighbour, and applies the approximate symmetries: any tooth may be the right one."""
+        """Repeats the step to each neighbour, and applies the approximate symmetries: any tooth may be the
+        right one.
+        """
         T_back = rigid.inverse(pool.T[0])
         steps = neighbours.take(np.argsort(neighbours.cost_mm2, kind="stable")[: MATCHING.periodic_steps])
         repeats = MATCHING.periodic_repeats

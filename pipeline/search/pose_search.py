@@ -1,9 +1,9 @@
 """From hypotheses to the pose: trials on few points, scores, then ICP to convergence on all points.
 
-The score of a pose is the mean squared distance of the scan to the design, truncated at the inlier distance, plus
-two penalties for what distances cannot tell: the share of the scan that the design would hide from every view, and
-the share of the design that the scan covers under another pose and not under this one. Both count as that share of
-the points lying at the inlier distance.
+The score of a pose is the mean squared distance of the scan to the design, truncated at the inlier distance,
+plus two penalties for what distances cannot tell: the share of the scan that the design would hide from every
+view, and the share of the design that the scan covers under another pose and not under this one. Both count
+as that share of the points lying at the inlier distance.
 """
 
 from dataclasses import dataclass, replace
@@ -22,8 +22,8 @@ from pipeline.search.types import Matching, Pose
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """best : the final pose; alternatives : other distinct poses, by score; source : what the best started from,
-    `landmarks`, `dense` or `axes`
+    """best : the final pose; alternatives : other distinct poses, by score; source : what the best started
+    from, `landmarks`, `dense` or `axes`
     """
 
     best: Pose
@@ -68,7 +68,9 @@ def search_pose(
 def choose_seeds(
     matching: Matching, points: ScanPoints, design: Surface, inlier_distance_mm: float
 ) -> list[Seed]:
-    """The landmarks' own fit, or the best hypothesis where that fits clearly better; then the other hypotheses."""
+    """The landmarks' own fit, or the best hypothesis where that fits clearly better; then the other
+    hypotheses.
+    """
     first, *others = matching.hypotheses
     seeds = [Seed(first.T_design_scan, first.normal_sign, first.source)]
     if matching.T_landmarks is not None:
@@ -87,8 +89,8 @@ def choose_seeds(
 
 
 def score_poses(poses: list[Pose], inlier_distance_mm: float) -> list[Pose]:
-    """The same poses with their scores. A penalty counts what a pose hides more, or covers less, than the best of
-    them in that, beyond `tie_tolerance`.
+    """The same poses with their scores. A penalty counts what a pose hides more, or covers less, than the
+    best of them in that, beyond `tie_tolerance`.
     """
     min_occlusion = min(pose.occlusion_ratio for pose in poses)
     max_coverage = max(pose.coverage for pose in poses)
@@ -127,8 +129,8 @@ class _Refiner:
         return best.cost_mm2 > limit_mm**2
 
     def finish(self, poses: list[Pose]) -> list[Pose]:
-        """ICP on all points, best pose first. The order may change, so it goes on until the best pose is finished,
-        and those whose score comes near it.
+        """ICP on all points, best pose first. The order may change, so it goes on until the best pose is
+        finished, and those whose score comes near it.
         """
         finished: set[int] = set()
         while (number := self._next_to_finish(poses, finished)) is not None:

@@ -1,4 +1,6 @@
-"""The scan as the pose search uses it: a few points, many points, the views it was taken from, what it covers."""
+"""The scan as the pose search uses it: a few points, many points, the views it was taken from, what it
+covers.
+"""
 
 from dataclasses import dataclass
 
@@ -64,8 +66,8 @@ class ScanModel:
     def coverage(
         self, T_design_scan: FloatArray, normal_sign: float, design: Surface, inlier_distance_mm: float
     ) -> float:
-        """Area share of the design within the inlier distance of the scan and with agreeing normals: the scan of one
-        side of a thin wall does not cover the other side.
+        """Area share of the design within the inlier distance of the scan and with agreeing normals: the scan
+        of one side of a thin wall does not cover the other side.
         """
         samples = sampling.on_surface(design.mesh, REGISTRATION.coverage_samples, self._seed)
         T_scan_design = rigid.inverse(T_design_scan)

@@ -23,7 +23,8 @@ MIRROR = np.array([-1.0, 1.0, 1.0])  # reflection in the plane x = 0; a mirrored
 class DescribedMesh:
     """One mesh as matching uses it.
 
-    mesh : the working mesh; landmarks : on it; descriptors : (n, 33) FPFH of its vertices, None until computed
+    mesh : the working mesh; landmarks : on it; descriptors : (n, 33) FPFH of its vertices, None until
+    computed
     """
 
     mesh: Mesh
@@ -98,7 +99,8 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True)
 class Matching:
-    """hypotheses : distinct poses, best first (never empty); design, scan : (k,) indices of the matched landmarks;
+    """hypotheses : distinct poses, best first (never empty); design, scan : (k,) indices of the matched
+    landmarks;
     T_landmarks : least-squares fit of the matches, None when they do not fix a pose
     """
 
@@ -110,7 +112,9 @@ class Matching:
 
 @dataclass(frozen=True, slots=True)
 class PoseCost:
-    """cost_mm2 : mean squared distance, truncated at the inlier distance; rmse_mm : untruncated RMS distance"""
+    """cost_mm2 : mean squared distance, truncated at the inlier distance; rmse_mm : untruncated RMS
+    distance
+    """
 
     cost_mm2: float
     rmse_mm: float
@@ -121,8 +125,8 @@ class Pose:
     """One refined pose.
 
     cost_mm2, rmse_mm : as in `PoseCost`; occlusion_ratio : share of the scan that the design hides from every
-    view; coverage : share of the design that the scan shows; score_mm2 : the cost plus penalties for these two,
-    relative to the other poses; normal_sign : -1 when the scan's normals point inwards under it
+    view; coverage : share of the design that the scan shows; score_mm2 : the cost plus penalties for these
+    two, relative to the other poses; normal_sign : -1 when the scan's normals point inwards under it
     """
 
     T_design_scan: FloatArray

@@ -1,4 +1,6 @@
-"""Matching: hypotheses for the pose, from descriptors of landmarks and two independent sources, and landmark matches."""
+"""Matching: hypotheses for the pose, from descriptors of landmarks and two independent sources, and landmark
+matches.
+"""
 
 import numpy as np
 
@@ -23,8 +25,8 @@ def match(
 ) -> Matching:
     """Hypotheses for T_design_scan, best first, and the landmarks that match under the best.
 
-    A hypothesis comes from two corresponding oriented points (or principal axes) and is refined by short ICPs; the
-    order is by truncated point-to-plane cost over points whose normals agree.
+    A hypothesis comes from two corresponding oriented points (or principal axes) and is refined by short
+    ICPs; the order is by truncated point-to-plane cost over points whose normals agree.
 
     length_mm : the length that descriptors, tolerances and shortest pairs are multiples of; symmetries,
     approximate : (4, 4) each, the design's own (`analysis.symmetry_group`), where they are known

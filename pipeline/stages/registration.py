@@ -25,10 +25,10 @@ class Fit:
     """How the cleaned scan lies on the design under one pose.
 
     closest : design point closest to each scan vertex; moved : (n, 3) the vertices in the design's frame;
-    rmse_mm : area-weighted RMS of all distances, untrimmed; inlier_rmse_mm : of those within the inlier distance,
-    None without any; fitness : area share of the scan within the inlier distance; overlap : the same without what is
-    closest to an open border of the design; truncated_rms_mm : RMS of the distances, each at most the inlier
-    distance
+    rmse_mm : area-weighted RMS of all distances, untrimmed; inlier_rmse_mm : of those within the inlier
+    distance, None without any; fitness : area share of the scan within the inlier distance; overlap : the
+    same without what is closest to an open border of the design; truncated_rms_mm : RMS of the distances,
+    each at most the inlier distance
     """
 
     T_design_scan: FloatArray
@@ -54,10 +54,11 @@ class ScaleEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """best : the final pose; alternatives : other distinct poses, by score; fit : under the best; source : what the
-    best started from; matching : landmark matches under the best; rmse_* : as in `core.results.Metrics`;
-    observability : of the scan points that lie on the design; scan_surface : of the cleaned scan in its own frame,
-    None for a point cloud
+    """best : the final pose; alternatives : other distinct poses, by score; fit : under the best; source :
+    what the best started from; matching : landmark matches under the best; rmse_* : as in
+    `core.results.Metrics`;
+    observability : of the scan points that lie on the design; scan_surface : of the cleaned scan in its own
+    frame, None for a point cloud
     """
 
     best: Pose
@@ -86,8 +87,8 @@ def register(
 ) -> Registration:
     """The best pose by `search.pose_search`, its alternatives, and its quality.
 
-    match_under : the landmark matches under a pose T_design_scan; max_sigma_mm : a motion that is less certain
-    (1 sigma) is unconstrained
+    match_under : the landmark matches under a pose T_design_scan; max_sigma_mm : a motion that is less
+    certain (1 sigma) is unconstrained
     """
     inlier_mm = settings.inlier_share * design.mesh.diagonal_mm
     model, weights = ScanModel(scan, settings, seed), scan.weights()
@@ -143,7 +144,9 @@ def rmse_mm(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: Flo
 def assess_observability(
     fit: Fit, weights: FloatArray, design: Surface, inlier_distance_mm: float, max_sigma_mm: float
 ) -> Observability:
-    """Of the scan's vertices within the inlier distance; a motion less certain than `max_sigma_mm` is unconstrained."""
+    """Of the scan's vertices within the inlier distance; a motion less certain than `max_sigma_mm` is
+    unconstrained.
+    """
     residual = np.einsum("kd,kd->k", fit.closest.normal, fit.moved - fit.closest.point)
     inlier_weights = weights * (fit.closest.distance <= inlier_distance_mm)
     some = np.flatnonzero(inlier_weights > 0)

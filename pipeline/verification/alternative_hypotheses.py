@@ -1,4 +1,5 @@
-"""Alternative hypotheses: what could make the best pose wrong. Another unit, a mirror image, an equivalent pose.
+"""Alternative hypotheses: what could make the best pose wrong. Another unit, a mirror image, an equivalent
+pose.
 
 Each is tested only where the first fit gives cause, and by evidence on the surfaces alone.
 """
@@ -31,9 +32,9 @@ from pipeline.verification.thresholds import HYPOTHESES, UNIT_FACTORS
 
 @dataclass(frozen=True, slots=True)
 class HypothesisChecks:
-    """unit_factor : the only one under which the scan fits, None for mm; mirrored_rms_mm : truncated RMS of the mirrored
-    scan under its best pose, None where that was not tested; symmetric : for each alternative pose whether it is
-    equivalent by a symmetry of the design
+    """unit_factor : the only one under which the scan fits, None for mm; mirrored_rms_mm : truncated RMS of
+    the mirrored scan under its best pose, None where that was not tested; symmetric : for each alternative
+    pose whether it is equivalent by a symmetry of the design
     """
 
     unit_factor: float | None
@@ -55,7 +56,8 @@ def verify_hypotheses(
 
     Returns
     -------
-    The scan under the hypothesis that holds (in another unit, or from a better equivalent pose), and the checks.
+    The scan under the hypothesis that holds (in another unit, or from a better equivalent pose), and the
+    checks.
     """
     diagonal_mm, settings = design.diagonal_mm, job.settings.registration
     unit_factor = mirrored = None

@@ -1,4 +1,6 @@
-"""Equivalent poses: what the design's symmetries make of the best pose, and which alternatives are such poses."""
+"""Equivalent poses: what the design's symmetries make of the best pose, and which alternatives are such
+poses.
+"""
 
 from dataclasses import replace
 
@@ -18,10 +20,11 @@ from pipeline.verification.thresholds import HYPOTHESES
 def add_equivalent_poses(
     registered: RegisteredScan, design: DesignModel, job: JobParameters
 ) -> tuple[RegisteredScan, tuple[bool, ...]]:
-    """The registration with every symmetry-equivalent pose among its alternatives, and for each alternative whether it
-    is one.
+    """The registration with every symmetry-equivalent pose among its alternatives, and for each alternative
+    whether it is one.
 
-    A design that is its own image but for a small mark is tried in each of its poses: the mark tells them apart.
+    A design that is its own image but for a small mark is tried in each of its poses: the mark tells them
+    apart.
     """
     symmetry = design.symmetry
     if not (symmetry.elements or symmetry.approximate):

@@ -18,8 +18,8 @@ from pipeline.verification.thresholds import CONFIDENCE, VERDICT
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a verdict is about. scan_landmarks : how many the scan has; max_sigma_mm : how uncertain a motion may be
-    (1 sigma)
+    """What a verdict is about. scan_landmarks : how many the scan has; max_sigma_mm : how uncertain a motion
+    may be (1 sigma)
     """
 
     registration: Registration
@@ -68,9 +68,9 @@ class Case:
 def evidence(case: Case, settings: RegistrationSettings) -> FloatArray:
     """(5,) the evidence for the best pose, whatever the status.
 
-    log of the score ratio of the best alternative that is no symmetry, at most `max_lead`, which stands for none;
-    residual over its limit, at most `max_residual`; fitness; log10 of the design's coverage, at least that of
-    `min_coverage`; share of the scan's landmarks that are matched.
+    log of the score ratio of the best alternative that is no symmetry, at most `max_lead`, which stands for
+    none; residual over its limit, at most `max_residual`; fitness; log10 of the design's coverage, at least
+    that of `min_coverage`; share of the scan's landmarks that are matched.
     """
     registration = case.registration
     ratios = case.alternative_ratios()

@@ -21,7 +21,8 @@ def misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
         found.append(Finding(code="low_coverage", detail=detail, value=coverage))
     if fit.truncated_rms_mm > limit_mm:
         detail = (
-            f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
+            f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at "
+            "most "
             f"{inlier_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part"
         )
         found.append(Finding(code="high_residual", detail=detail, value=fit.truncated_rms_mm))
@@ -31,7 +32,8 @@ def misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
 def unit_factor(factor: float) -> Finding:
     """The scan is in another unit."""
     detail = (
-        f"the scan fits only when its numbers are multiplied by {factor:.6g} ({UNIT_FACTORS[factor]}); transform and "
+        f"the scan fits only when its numbers are multiplied by {factor:.6g} ({UNIT_FACTORS[factor]}); "
+        "transform and "
         "metrics are of the scan so scaled: say the unit in options.units and send it again"
     )
     return Finding(code="unit_factor", detail=detail, value=factor)
@@ -78,7 +80,8 @@ def unconstrained_motions(case: Case) -> list[Finding]:
     return [
         Finding(
             code="free_motion",
-            detail=f"a {motion.kind} about or along ({', '.join(f'{x:.3f}' for x in motion.axis)}) is known to "
+            detail=f"a {motion.kind} about or along ({', '.join(f'{x:.3f}' for x in motion.axis)}) is known "
+            "to "
             f"{motion.sigma_mm:.3g} mm only (one sigma; {case.max_sigma_mm:.3g} mm are asked for)",
             value=motion.sigma_mm,
         )
@@ -91,7 +94,10 @@ def alternatives(case: Case) -> list[Finding]:
     found = []
     equal = sum(case.checks.symmetric)
     if equal:
-        detail = f"the design is its own image under {equal} of the alternatives: every such pose is as right as this one"
+        detail = (
+            f"the design is its own image under {equal} of the alternatives: every such pose is as "
+            "right as this one"
+        )
         found.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
     ratios = case.alternative_ratios()
     if ratios and ratios[0] < VERDICT.alternative_note_ratio:

@@ -19,10 +19,11 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     mirrored : the mirrored scan fits and leaves less than `mirror_gain` of the residual;
     no_match : too little of the scan lies on the design (`min_fitness`, `min_coverage`), or too far off it
     (`max_residual_share`);
-    under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or `free_motion_share` of the
-    diagonal;
-    ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under a loose
-    fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not by `mirror_gain`.
+    under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or
+    `free_motion_share` of the diagonal;
+    ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
+    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
+    by `mirror_gain`.
 
     confidence : see `evidence.confidence`; 0 without a pose.
     """

@@ -1,4 +1,6 @@
-"""The last step of every workflow: make the folder, write the artifacts, then results.json, which lists them."""
+"""The last step of every workflow: make the folder, write the artifacts, then results.json, which lists
+them.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +23,8 @@ def publish(
     watch: Watch,
     write_artifacts: Callable[[Path, R], Artifacts],
 ) -> R:
-    """The result with its files, timings and the warnings of the report; written to `out`, unless that is None.
+    """The result with its files, timings and the warnings of the report; written to `out`, unless that is
+    None.
 
     write_artifacts : called with the folder and the result; not called without `report.write_files`
     """

@@ -1,8 +1,10 @@
 """Registration: a scan is registered to its design, stage by stage, as in the paper.
 
-geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -> landmark-seeded ICP -> deviation
+geodesic distances -> density-peak segments -> PCA + T^2 landmarks -> matching -> landmark-seeded ICP ->
+deviation
 
-Three steps: compute (`compute_registration`), build the result (`registration_result`), write the files (`publish`).
+Three steps: compute (`compute_registration`), build the result (`registration_result`), write the files
+(`publish`).
 """
 
 from pathlib import Path

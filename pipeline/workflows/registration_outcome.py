@@ -13,7 +13,8 @@ from pipeline.verification.verdict import HAS_POSE
 
 @dataclass(frozen=True, slots=True)
 class RegistrationOutcome:
-    """Everything that was computed. input_scan : the scan as read; registered : the scan on the design, in mm;
+    """Everything that was computed. input_scan : the scan as read; registered : the scan on the design, in
+    mm;
     of_design : distances of the design to the scan, None without a pose
     """
 

@@ -1,4 +1,6 @@
-"""From a registration to the records of the results: each function builds one part of `RegistrationResult`."""
+"""From a registration to the records of the results: each function builds one part of
+`RegistrationResult`.
+"""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -76,7 +78,9 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
 def transform(
     T_design_scan: FloatArray, design_mm_per_unit: float, scan: Loaded, unit_factor: float | None = None
 ) -> Transform:
-    """unit_factor : of a `units_suspect` scan; `matrix` is of the scan so scaled, `matrix_file_to_file` includes it."""
+    """unit_factor : of a `units_suspect` scan; `matrix` is of the scan so scaled, `matrix_file_to_file`
+    includes it.
+    """
     R, t = T_design_scan[:3, :3], T_design_scan[:3, 3]
     x, y, z, w = Rotation.from_matrix(R).as_quat()
     quaternion = np.array([w, x, y, z]) * (-1.0 if w < 0 else 1.0)
@@ -97,7 +101,9 @@ def transform(
 def alternatives(
     registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool
 ) -> list[Alternative]:
-    """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was rejected."""
+    """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was
+    rejected.
+    """
     poses = [
         *([(registration.best, False)] if rejected else []),
         *zip(registration.alternatives, symmetric, strict=True),
