@@ -36,6 +36,7 @@ class MadeBy(Record):
 class Provenance(MadeBy):
     inputs: Inputs = Field(description="the files")
     limits: dict[str, Any] = Field(
+        default_factory=dict,  # results of version 0.1.0 have none
         description="every number that decides the pose or the verdict and is not in `settings`, by group"
     )
 

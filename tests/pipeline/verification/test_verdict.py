@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 import pipeline
-from pipeline import MeshFile, Settings
+from pipeline import MeshFile
 from pipeline.analysis.mesh_analysis import analyse_mesh
 from pipeline.analysis.scan_registration import MatchedScan, match_scan, register_scan
 from pipeline.core.job_parameters import JobParameters
-from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import Mesh
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
-from pipeline.kernels.fpfh import fpfh
-from pipeline.search.types import DescribedMesh, mirror_mesh
 from pipeline.stages.matching import match_landmarks
 from tests.support import shapes
 from tests.support.designs import design_of
@@ -208,19 +205,3 @@ def test_another_part_is_no_match(tmp_path: Path) -> None:
     design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
     result = pipeline.register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "no_match" and result.transform is None
-
-
-def test_descriptors_of_a_mirror_image_are_the_mirrored_descriptors() -> None:
-    blob = shapes.bumpy_blob(3)
-    image = mirror_mesh(blob)
-    nobody = np.zeros(0, dtype=np.int64)
-    empty = LandmarkSet(
-        nobody, np.zeros((0, 3)), np.zeros((0, 3)), nobody, np.zeros(0), np.zeros(0), np.zeros(0), 0.0
-    )
-    settings = Settings().matching
-    mirrored = DescribedMesh(blob, empty).mirrored(3.0, settings)
-    direct = fpfh(image, settings.descriptor_radius_lengths * 3.0)
-    apart = np.linalg.norm(mirrored.compute_descriptors(3.0, settings) - direct, axis=1) / np.linalg.norm(
-        direct, axis=1
-    )
-    assert np.median(apart) < 0.02
