@@ -116,7 +116,7 @@ def find_landmarks(
     ------
     PipelineError
         When the file is unreadable, has no usable surface, or only pieces too small to have a centre.
-        "Nothing to mark" is a result: no landmarks, and the warning `no_landmarks`.
+        A surface without relief is a result: no landmarks, and the warning `no_landmarks`.
     """
     from pipeline.workflows.landmarks import run_landmarks
 
@@ -162,8 +162,10 @@ def study(
     from pipeline.workflows.study import run_study
 
     settings = settings or Settings()
-    asked = {"kind": kind, "trials": trials, "detectors": detectors, "noise_mm": noise_mm, "eps": eps}
-    section = settings.study.model_dump() | {key: value for key, value in asked.items() if value is not None}
+    overrides = {"kind": kind, "trials": trials, "detectors": detectors, "noise_mm": noise_mm, "eps": eps}
+    section = settings.study.model_dump() | {
+        key: value for key, value in overrides.items() if value is not None
+    }
     return run_study(
         MeshFile.of(mesh),
         settings=Settings.model_validate(settings.model_dump() | {"study": section}),

@@ -42,16 +42,15 @@ class InputMesh:
         notes, report = [], self.cleaned.report
         dropped = int(report.get("non_manifold_faces", 0))
         if dropped:
-            detail = f"{self.name}: {dropped} triangles at edges shared by more than two were dropped"
+            detail = (
+                f"{self.name}: {dropped} triangles at edges shared by more than two triangles were removed"
+            )
             notes.append(Note(code="non_manifold", detail=detail))
         if report.get("turned_faces", 0):
-            detail = f"{self.name}: {report['turned_faces']} triangles faced the wrong way and were turned"
+            detail = f"{self.name}: {report['turned_faces']} triangles were wrongly oriented and were flipped"
             notes.append(Note(code="turned_faces", detail=detail))
         if self.mesh.is_cloud:
-            detail = (
-                f"{self.name}: points without triangles; a surface was laid through them for the "
-                "analysis only"
-            )
+            detail = f"{self.name}: a point cloud; a surface was reconstructed for the analysis only"
             notes.append(Note(code="point_cloud", detail=detail))
         return notes
 

@@ -158,8 +158,8 @@ def _write_page(out: Path, text: str, settings: ReportSettings) -> Artifacts:
 def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations) -> Artifacts:
     if aligned.is_cloud:
         detail = (
-            f"{ALIGNED_3MF} was not written: the scan is points, and 3MF holds triangles; aligned.ply "
-            "has them"
+            f"{ALIGNED_3MF} was not written: the scan is a point cloud, and 3MF holds triangles only; "
+            "see aligned.ply"
         )
         return Artifacts(notes=(Note(code="no_three_mf", detail=detail),))
     colours = colour_scale(deviations).colours(deviations.signed_mm, deviations.counted)

@@ -52,7 +52,7 @@ class MatchingSchedule:
 
     # Neighbours of the best pose: parts with teeth, threads or holes fit almost as well one step further.
     perturbations_share: tuple[float, ...] = (0.015, 0.03, 0.06)  # an ICP from so far ends in the next tooth
-    neighbour_share: float = 0.01  # the smallest pitch that is told apart
+    neighbour_share: float = 0.01  # the smallest pitch that is resolved
     neighbour_rounds: tuple[RefineRound, ...] = (
         RefineRound("coarse", 0.015, 8),
         RefineRound("fine", 0.015, 10),

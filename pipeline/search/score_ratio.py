@@ -12,7 +12,7 @@ class ScoreLimits:
     loose_fit_share : of `max_residual_share`; above it a fit is loose. Chosen by hand: depth-camera scans lie
     at
     0.5 to 0.8 of the limit, printed copies below 0.2
-    loose_fit_margin : score ratio asked for under a loose fit. Chosen by hand: a sixth of an arch fitted a
+    loose_fit_margin : score ratio required under a loose fit. Chosen by hand: a sixth of an arch fitted a
     wrong place at 1.57
     numerical_floor_share : of the diagonal; RMS distances below it are rounding. Chosen by hand, well above
     the 1e-7 of the diagonal to which the closest-point query is exact

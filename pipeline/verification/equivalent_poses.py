@@ -23,8 +23,8 @@ def add_equivalent_poses(
     """The registration with every symmetry-equivalent pose among its alternatives, and for each alternative
     whether it is one.
 
-    A design that is its own image but for a small mark is tried in each of its poses: the mark tells them
-    apart.
+    A design that is its own image but for a small mark is evaluated in each of its poses: the mark
+    distinguishes them.
     """
     symmetry = design.symmetry
     if not (symmetry.elements or symmetry.approximate):
@@ -82,7 +82,9 @@ def _are_symmetric(registered: RegisteredScan, design: DesignModel) -> tuple[boo
 
 
 def _is_as_good(pose: Pose, best: Pose, design: DesignModel) -> bool:
-    """False where the scan itself tells the pose from the best, by a mark that the symmetry overlooks."""
+    """False where the scan itself distinguishes the pose from the best, by a mark that the symmetry
+    ignores.
+    """
     allowance_mm2 = (HYPOTHESES.equal_pose_share * design.diagonal_mm) ** 2
     return pose.cost_mm2 <= SCORE_LIMITS.loose_fit_margin * best.cost_mm2 + allowance_mm2
 

@@ -13,17 +13,19 @@ def misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
     inlier_mm = case.registration.inlier_distance_mm
     if fit.fitness < settings.min_fitness:
         near = f"{fit.fitness:.0%} of the scan lies within {inlier_mm:.3g} mm of the design"
-        detail = f"{near}; {settings.min_fitness:.0%} are needed"
+        detail = f"{near}; at least {settings.min_fitness:.0%} is required"
         found.append(Finding(code="low_fitness", detail=detail, value=fit.fitness))
     coverage = case.registration.design_coverage
     if coverage < settings.min_coverage:
-        detail = f"the scan shows {coverage:.1%} of the design; {settings.min_coverage:.0%} are needed"
+        detail = (
+            f"the scan covers {coverage:.1%} of the design; at least {settings.min_coverage:.0%} is required"
+        )
         found.append(Finding(code="low_coverage", detail=detail, value=coverage))
     if fit.truncated_rms_mm > limit_mm:
         detail = (
             f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at "
             "most "
-            f"{inlier_mm:.3g} mm); up to {limit_mm:.3g} mm count as the same part"
+            f"{inlier_mm:.3g} mm); the limit for the same part is {limit_mm:.3g} mm"
         )
         found.append(Finding(code="high_residual", detail=detail, value=fit.truncated_rms_mm))
     return found
@@ -34,7 +36,7 @@ def unit_factor(factor: float) -> Finding:
     detail = (
         f"the scan fits only when its numbers are multiplied by {factor:.6g} ({UNIT_FACTORS[factor]}); "
         "transform and "
-        "metrics are of the scan so scaled: say the unit in options.units and send it again"
+        "metrics refer to the scaled scan; set the unit in options.units and submit again"
     )
     return Finding(code="unit_factor", detail=detail, value=factor)
 
@@ -47,7 +49,7 @@ def mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
         return None
     detail = (
         f"the mirror image of the scan lies {mirrored_mm:.3g} mm off the design (RMS), the scan itself "
-        f"{case.rms_mm:.3g} mm: it was mirrored on export, or it is the part of the other side"
+        f"{case.rms_mm:.3g} mm: it was mirrored on export, or it is the opposite-hand part"
     )
     return Finding(code="mirrored", detail=detail, value=mirrored_mm)
 
@@ -59,7 +61,7 @@ def mirror_fits_better(case: Case, status: VerdictStatus) -> list[Finding]:
         return []
     detail = (
         f"the mirror image of the scan lies {mirrored_mm:.3g} mm off the design (RMS), the scan itself "
-        f"{case.rms_mm:.3g} mm: it may be the part of the other side"
+        f"{case.rms_mm:.3g} mm: it may be the opposite-hand part"
     )
     return [Finding(code="mirror_fits_better", detail=detail, value=mirrored_mm)]
 
@@ -69,8 +71,9 @@ def loose_fit(case: Case, settings: RegistrationSettings) -> list[Finding]:
     if not case.is_loose(settings):
         return []
     detail = (
-        f"the scan is {case.rms_mm:.3g} mm off the design (RMS), more than a good scanner and printer leave: "
-        "a rough scan, or a similar part; look at the aligned meshes"
+        f"the scan is {case.rms_mm:.3g} mm off the design (RMS), more than expected of a good scanner and "
+        "printer: "
+        "a rough scan, or a similar part; inspect the aligned meshes"
     )
     return [Finding(code="loose_fit", detail=detail, value=case.rms_mm)]
 
@@ -80,9 +83,8 @@ def unconstrained_motions(case: Case) -> list[Finding]:
     return [
         Finding(
             code="free_motion",
-            detail=f"a {motion.kind} about or along ({', '.join(f'{x:.3f}' for x in motion.axis)}) is known "
-            "to "
-            f"{motion.sigma_mm:.3g} mm only (one sigma; {case.max_sigma_mm:.3g} mm are asked for)",
+            detail=f"the {motion.kind} about or along ({', '.join(f'{x:.3f}' for x in motion.axis)}) is "
+            f"uncertain by {motion.sigma_mm:.3g} mm (1 sigma); the limit is {case.max_sigma_mm:.3g} mm",
             value=motion.sigma_mm,
         )
         for motion in case.registration.observability.free
@@ -94,14 +96,11 @@ def alternatives(case: Case) -> list[Finding]:
     found = []
     equal = sum(case.checks.symmetric)
     if equal:
-        detail = (
-            f"the design is its own image under {equal} of the alternatives: every such pose is as "
-            "right as this one"
-        )
+        detail = f"{equal} of the alternatives are equivalent to this pose by a symmetry of the design"
         found.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
     ratios = case.alternative_ratios()
     if ratios and ratios[0] < VERDICT.alternative_note_ratio:
-        detail = "another pose, no symmetry of the design, fits almost as well; see alternatives"
+        detail = "another pose, not equivalent by symmetry, fits almost as well; see alternatives"
         found.append(Finding(code="rival_pose", detail=detail, value=ratios[0]))
     return found
 
@@ -111,17 +110,17 @@ def weaknesses(case: Case) -> list[Finding]:
     found, registration = [], case.registration
     weakest = float(registration.observability.eigenvalues[0])
     if weakest < VERDICT.weak_eigenvalue and not registration.observability.free:
-        detail = "the surfaces hardly notice one of the six motions (a turn or a slide): check the pose"
+        detail = "the surfaces constrain one of the six degrees of freedom only weakly; check the pose"
         found.append(Finding(code="weakly_constrained", detail=detail, value=weakest))
     if case.matching.T_landmarks is None:
         count = len(case.matching.design)
         detail = (
-            f"{count} landmarks match, too few to fix a pose by landmarks alone; it came from "
-            f"{registration.source} hypotheses"
+            f"{count} landmarks match, too few to determine a pose by landmarks alone; the pose comes from "
+            f"hypotheses of source {registration.source}"
         )
         found.append(Finding(code="few_landmarks", detail=detail, value=float(count)))
     if not registration.best.converged:
         iterations = registration.best.iterations
-        detail = f"ICP was still moving after {iterations} iterations"
+        detail = f"ICP had not converged after {iterations} iterations"
         found.append(Finding(code="not_converged", detail=detail, value=float(iterations)))
     return found

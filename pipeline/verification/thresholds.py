@@ -16,7 +16,7 @@ class VerdictThresholds:
 
     ambiguity : see `search.score_ratio`
     alternative_note_ratio : score ratio below which an alternative is reported. Chosen by hand: the largest
-    margin that is asked for
+    margin that is required
     weak_eigenvalue : of the point-to-plane Hessian (rotations scaled by the RMS radius, dimensionless), below
     which `weakly_constrained` is reported. Chosen by hand
     mirror_better_ratio : residual of the mirrored scan over that of the scan, below which the pose is not
@@ -55,7 +55,7 @@ class HypothesisLimits:
     """Limits of `alternative_hypotheses.verify_hypotheses`.
 
     symmetry_better_ratio : cost of a symmetry-equivalent pose over that of the best, below which it is the
-    better pose (a small mark tells them apart), by more than
+    better pose (a small mark distinguishes them), by more than
     symmetry_better_share : of the diagonal, squared. Chosen by hand
     whole_part_ratio : scan diagonal over design diagonal from which a scan in another unit is a whole part,
     which may turn freely (a bolt in inches is a bolt). Chosen by hand

@@ -101,7 +101,7 @@ def transform(
 def alternatives(
     registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool
 ) -> list[Alternative]:
-    """The other poses, best first, then the symmetries; without a pose to stand by also the best, which was
+    """The other poses, best first, then the symmetries; without a valid alignment also the best, which was
     rejected.
     """
     poses = [

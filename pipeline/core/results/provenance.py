@@ -37,7 +37,7 @@ class Provenance(MadeBy):
     inputs: Inputs = Field(description="the files")
     limits: dict[str, Any] = Field(
         default_factory=dict,  # results of version 0.1.0 have none
-        description="every number that decides the pose or the verdict and is not in `settings`, by group"
+        description="every number that decides the pose or the verdict and is not in `settings`, by group",
     )
 
 
