@@ -18,7 +18,7 @@ from pipeline.core.mesh import FloatArray
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.kernels.surface import Surface
 from pipeline.report import glb as viewing
 from pipeline.stages.clean import Cleaned
@@ -63,7 +63,7 @@ class Design:
         return Scales.of(self.analysis.mesh, self._settings)
 
     @cached_property
-    def light(self) -> viewing.Light:
+    def light(self) -> viewing.DisplayMesh:
         return self.analysis.shown()
 
     @cached_property
@@ -103,7 +103,7 @@ def kept_design(path: Path, file: MeshFile, settings: Settings, seed: int) -> De
     return Design(kept, settings) if kept.fingerprint == fingerprint(file, settings, seed) else None
 
 
-def known(loaded: Loaded, cleaned: Cleaned, mark: str, settings: Settings, watch: Watch, seed: int) -> Design:
+def known(loaded: Loaded, cleaned: Cleaned, mark: str, settings: Settings, watch: StageTimer, seed: int) -> Design:
     """Stages up to the landmarks, then what matching and the verdict ask of a design. mark : its `fingerprint`"""
     scales = Scales.of(cleaned.mesh, settings)
     analysis = analyse(cleaned.mesh, "design", scales, settings, watch, seed)

@@ -10,11 +10,11 @@ from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.progress import Stage
 from pipeline.core.results import Centre, Landmark, Note, Segments
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.kernels.nearest import nearest
 from pipeline.report import decision_graph, palette
 from pipeline.report import writers as report
-from pipeline.report.glb import Light
+from pipeline.report.glb import DisplayMesh
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.features import features, features_edge_mm, features_radius_mm
 from pipeline.stages.geodesics import Geodesics, geodesics
@@ -76,9 +76,9 @@ class Analysis:
     landmark_vertices: IndexArray
     warnings: tuple[Note, ...]
 
-    def shown(self) -> Light:
+    def shown(self) -> DisplayMesh:
         """`mesh` for viewers."""
-        return Light(self.mesh, self.resampled.light)
+        return DisplayMesh(self.mesh, self.resampled.light)
 
     def segment_colours(self) -> FloatArray:
         """(n, 3) of the vertices of `mesh`."""
@@ -88,7 +88,7 @@ class Analysis:
 
 
 def read(
-    file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool
+    file: MeshFile, name: str, settings: Settings, watch: StageTimer, *, needs_surface: bool
 ) -> tuple[Loaded, Cleaned]:
     with watch.stage(Stage.LOAD, name):
         loaded = load(file, name, settings.load, needs_surface=needs_surface)
@@ -97,7 +97,7 @@ def read(
 
 
 def cut(
-    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int, *, fine: bool = False
+    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: StageTimer, seed: int, *, fine: bool = False
 ) -> Cut:
     """Section 1 of the method, steps 1 and 2. fine : also make the mesh for features."""
     with watch.stage(Stage.RESAMPLE, name):
@@ -110,7 +110,7 @@ def cut(
         return Cut(resampled, distances, segment(working, name, distances, settings.segmentation, seed))
 
 
-def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int) -> Analysis:
+def analyse(mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: StageTimer, seed: int) -> Analysis:
     """Section 1 of the method, steps 1 to 4."""
     found = cut(mesh, name, scales, settings, watch, seed, fine=True)
     working, distances, segmentation = found.resampled.mesh, found.distances, found.segmentation

@@ -176,4 +176,4 @@ def _turns(points: FloatArray) -> FloatArray:
             angles = np.radians(np.arange(HALF_TURNS_DEG, 180.0, HALF_TURNS_DEG))
             turns += [np.pi * (np.cos(angle) * axes[:, i] + np.sin(angle) * axes[:, j]) for angle in angles]
     R = Rotation.from_rotvec(np.array(turns)).as_matrix()
-    return rigid.compose(R, centre - R @ centre)
+    return rigid.rotation_about(R, centre)

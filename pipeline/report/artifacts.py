@@ -16,7 +16,7 @@ from pipeline.report import page as report_page
 from pipeline.report import pdf as report_pdf
 from pipeline.report import writers as report
 from pipeline.report.colormap import ColourScale
-from pipeline.report.glb import Light
+from pipeline.report.glb import DisplayMesh
 from pipeline.report.page import Pictures, Views, views_of
 from pipeline.stages.deviation import Deviations
 
@@ -34,7 +34,7 @@ class Written:
     notes: tuple[Note, ...] = ()
 
 
-def write_deviation(out: Path, shown: Light, measured: Deviations) -> list[str]:
+def write_deviation(out: Path, shown: DisplayMesh, measured: Deviations) -> list[str]:
     """The aligned scan in the colours of its deviation, and their histogram; returns the names."""
     if measured.summary is None:
         return []
@@ -56,7 +56,7 @@ def write_registration_page(
     result: RegistrationResult,
     design: Design,
     scan: Analysis,
-    shown: Light,
+    shown: DisplayMesh,
     measured: Deviations,
     settings: ReportSettings,
 ) -> Written:
@@ -106,7 +106,7 @@ def _write_three_mf(out: Path, aligned: Mesh, measured: Deviations) -> Written:
 
 
 def _placed(
-    result: RegistrationResult, design: Design, shown: Light, measured: Deviations
+    result: RegistrationResult, design: Design, shown: DisplayMesh, measured: Deviations
 ) -> Pictures | None:
     """The scan where it fits, or where it fits least badly: the one shows what to mend, the other what went wrong."""
     title, note = "Deviation of the scan from the design", ""
@@ -134,7 +134,7 @@ def _scale(measured: Deviations) -> ColourScale:
     return ColourScale.of(measured.signed_mm, measured.counted, tolerance_mm)
 
 
-def _parts(design: Design, scan: Analysis, shown: Light, *, is_aligned: bool) -> Pictures:
+def _parts(design: Design, scan: Analysis, shown: DisplayMesh, *, is_aligned: bool) -> Pictures:
     """Segments of both beside each other; with a pose from the same sides, however the scan was uploaded."""
     of_design = _segments("design", design.analysis, design.light, design.analysis.mesh, count=2)
     of_scan = _segments("scan", scan, shown, design.analysis.mesh if is_aligned else shown.full, count=2)
@@ -143,7 +143,7 @@ def _parts(design: Design, scan: Analysis, shown: Light, *, is_aligned: bool) ->
     return Pictures("Segments and landmarks", "segments of the", beside, note)
 
 
-def _segments(name: str, found: Analysis, shown: Light, like: Mesh, count: int) -> list[tuple[str, bytes]]:
+def _segments(name: str, found: Analysis, shown: DisplayMesh, like: Mesh, count: int) -> list[tuple[str, bytes]]:
     """shown : its mesh, in whatever frame it is to be seen"""
     marks: FloatArray = np.asarray(shown.full.vertices[found.landmark_vertices])
     views = views_of(shown.mesh, shown.values(found.segment_colours()), like, count=count, marks_mm=marks)

@@ -16,7 +16,7 @@ BALL_COLOUR = (25, 25, 25)
 NOT_COUNTED = 1e31  # glTF has no NaN
 
 
-class Light:
+class DisplayMesh:
     """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made when first
     asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
     """
@@ -24,7 +24,7 @@ class Light:
     def __init__(self, full: Mesh, light: Mesh | None = None) -> None:
         self.full = full
         self._light = light
-        self._unmoved: tuple[Light, FloatArray] | None = None
+        self._unmoved: tuple[DisplayMesh, FloatArray] | None = None
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -45,16 +45,16 @@ class Light:
         """(k, ...) for each vertex that is shown the value (n, ...) of the nearest one of the full mesh."""
         return of_full if self._of_full is None else of_full[self._of_full]
 
-    def moved(self, T_target_mesh: FloatArray) -> "Light":
+    def moved(self, T_target_mesh: FloatArray) -> "DisplayMesh":
         """The same in another frame."""
-        other = Light(self.full.moved(T_target_mesh))
+        other = DisplayMesh(self.full.moved(T_target_mesh))
         other._unmoved = self, T_target_mesh
         return other
 
 
 def write_glb(
     path: Path,
-    light: Light,
+    light: DisplayMesh,
     colours: FloatArray,
     marks_mm: FloatArray | None = None,
     deviation_mm: FloatArray | None = None,

@@ -14,7 +14,7 @@ from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import icp, rigid, sampling
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.kernels.visibility import Views
+from pipeline.kernels.visibility import ViewModel
 from pipeline.search import score_ratio as margin
 from pipeline.stages.matching import Matching
 
@@ -112,12 +112,12 @@ class Scan:
         self.surface = None if mesh.is_cloud else Surface(mesh)
         self._seed = seed
 
-    def views(self, facing: float) -> Views | None:
+    def views(self, facing: float) -> ViewModel | None:
         """None of a cloud, which has no outer side."""
         if self.few.normals is None:
             return None
         some = slice(None, None, max(1, len(self.few.points) // VIEWED_POINTS))
-        return Views.of(self.few.points[some], facing * self.few.normals[some])
+        return ViewModel.of(self.few.points[some], facing * self.few.normals[some])
 
     def coverage(
         self, T_design_scan: FloatArray, facing: float, design: Surface, inlier_distance_mm: float
@@ -174,7 +174,7 @@ def search(
         """On all points what it leaves, and what else speaks for it or against."""
         T, facing, views = pose.T_design_scan, pose.facing, scan.views(pose.facing)
         left = scan.every.left(T, design, inlier)
-        hidden = 0.0 if views is None else views.hidden_share(T, design, inlier)
+        hidden = 0.0 if views is None else views.occlusion_ratio(T, design, inlier)
         coverage = scan.coverage(T, facing, design, inlier)
         return replace(
             pose, cost_mm2=left.cost_mm2, rmse_mm=left.rmse_mm, hidden_share=hidden, coverage=coverage

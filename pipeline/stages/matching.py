@@ -127,7 +127,7 @@ def match(
 
     def next_to_best(pool: Pool) -> Pool:
         """Where the best comes to lie a tooth or a hole further: a rack or a gear fits there almost as well."""
-        T = poses.nudged(pool.T[0], probes.points[few], [share * diagonal for share in NUDGES])
+        T = poses.perturb(pool.T[0], probes.points[few], [share * diagonal for share in NUDGES])
         around = Pool(T, np.full(len(T), pool.facing[0]), np.full(len(T), pool.source[0]), np.zeros(len(T)))
         for points, iterations in ((few, 8), (slice(None), 10)):
             if len(around.T) == 0:
@@ -141,7 +141,7 @@ def match(
         any.
         """
         back, steps = rigid.inverse(pool.T[0]), around.take(np.argsort(around.cost, kind="stable")[:STEPS])
-        moves = [*near, *(T for step in steps.T for T in poses.powers(step @ back, STEPS_ON))]
+        moves = [*near, *(T for step in steps.T for T in poses.iterate_motion(step @ back, STEPS_ON))]
         if not moves:
             return pool.take(np.zeros(0, dtype=np.int64))
         T = np.array(moves) @ pool.T[0]

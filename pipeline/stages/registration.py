@@ -9,7 +9,7 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.observability import Observability, observe
-from pipeline.kernels.similarity import stretch, warp_mm
+from pipeline.kernels.similarity import estimate_scale, residual_deformation_mm
 from pipeline.kernels.surface import Closest, Surface
 from pipeline.search.pose_search import TOLERANCE_SHARE, TRIAL_POINTS, Pose, Scan, ScanPoints, search
 from pipeline.stages.matching import Matching
@@ -150,14 +150,14 @@ def observed(
 
 def _scale(points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float) -> ScaleFound:
     given = (points.points, points.weights, design, T_design_scan, inlier_mm)
-    one, three = stretch(*given, per_axis=False), stretch(*given, per_axis=True)
+    one, three = estimate_scale(*given, per_axis=False), estimate_scale(*given, per_axis=True)
     # a surface that hardly tells its size lets the noise say anything
     one, three = (each if each is not None and _is_likely(each.factors) else None for each in (one, three))
     bent = three or one
     return ScaleFound(
         None if one is None else float(one.factors[0]),
         None if three is None else three.factors,
-        None if bent is None else warp_mm(bent, points.weights),
+        None if bent is None else residual_deformation_mm(bent, points.weights),
     )
 
 

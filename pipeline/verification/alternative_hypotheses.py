@@ -129,7 +129,7 @@ def in_another_unit(scan: Analysis, design: Design, asked: Asked) -> tuple[float
         # A scan made small fits nearly anywhere: it must fit tightly, for its own size too, and be held.
         tight_mm = LOOSE * settings.max_residual_share * min(diagonal, scaled.diagonal_mm)
         tight = found.registration.fit.truncated_rms_mm <= tight_mm
-        held = scaled.diagonal_mm >= WHOLE * diagonal or not found.registration.observability.free
+        held = scaled.diagonal_mm >= WHOLE * diagonal or not found.registration.observability.unconstrained
         if tight and held and fits(found.registration, diagonal, settings):
             return factor, found
     return None

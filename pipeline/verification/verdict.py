@@ -66,7 +66,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         findings.insert(0, mirrored)
     elif not matched:
         status = "no_match"
-    elif case.registration.observability.free:
+    elif case.registration.observability.unconstrained:
         status = "under_constrained"
     elif _has_rival(case, settings) or _mirror_fits_better(case):
         status = "ambiguous"
@@ -185,7 +185,7 @@ def _free(case: Case) -> list[Finding]:
             f"{motion.sigma_mm:.3g} mm only (one sigma; {case.certain_mm:.3g} mm are asked for)",
             value=motion.sigma_mm,
         )
-        for motion in case.registration.observability.free
+        for motion in case.registration.observability.unconstrained
     ]
 
 
@@ -205,7 +205,7 @@ def _rivals(case: Case) -> list[Finding]:
 def _weakness(case: Case) -> list[Finding]:
     findings, registration = [], case.registration
     weakest = float(registration.observability.eigenvalues[0])
-    if weakest < WEAK_EIGENVALUE and not registration.observability.free:
+    if weakest < WEAK_EIGENVALUE and not registration.observability.unconstrained:
         detail = "the surfaces hardly notice one of the six motions (a turn or a slide): check the pose"
         findings.append(Finding(code="weakly_constrained", detail=detail, value=weakest))
     if case.matching.T_landmarks is None:

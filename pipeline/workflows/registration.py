@@ -34,7 +34,7 @@ from pipeline.core.results import (
     StudyResult,
 )
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.report import artifacts as job_files
 from pipeline.report import decision_graph, palette
 from pipeline.report import writers as report
@@ -60,7 +60,7 @@ def run_registration(
     on_progress: OnProgress,
 ) -> RegistrationResult:
     """See `pipeline.register`."""
-    watch = Watch(on_progress, shares.REGISTRATION)
+    watch = StageTimer(on_progress, shares.REGISTRATION)
     known = None if design_cache is None else kept_design(design_cache, design_file, settings, seed)
     is_new = known is None
     if known is None:
@@ -186,7 +186,7 @@ def run_segments(
     on_progress: OnProgress,
 ) -> SegmentsResult:
     """See `pipeline.find_segments`."""
-    watch = Watch(on_progress, shares.SEGMENTS)
+    watch = StageTimer(on_progress, shares.SEGMENTS)
     loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
     mesh = cleaned.mesh
     found = cut(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
@@ -226,7 +226,7 @@ def run_landmarks(
     on_progress: OnProgress,
 ) -> LandmarksResult:
     """See `pipeline.find_landmarks`."""
-    watch = Watch(on_progress, shares.LANDMARKS)
+    watch = StageTimer(on_progress, shares.LANDMARKS)
     loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
     mesh = cleaned.mesh
     found = analyse(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
@@ -272,7 +272,7 @@ def run_study(
     on_progress: OnProgress,
 ) -> StudyResult:
     """See `pipeline.study`."""
-    watch = Watch(on_progress, shares.STUDY)
+    watch = StageTimer(on_progress, shares.STUDY)
     loaded, cleaned = read(file, "mesh", settings, watch, needs_surface=True)
     with watch.stage(Stage.STUDY):
         found = study(
@@ -304,7 +304,7 @@ def run_study(
 
 
 def _written(
-    result: R, out: Path | None, watch: Watch, write_page: Callable[[Path, R], job_files.Written] | None
+    result: R, out: Path | None, watch: StageTimer, write_page: Callable[[Path, R], job_files.Written] | None
 ) -> R:
     """The report, then results.json, with the report's own time in it, its further files and why one is not among them."""
     if out is None:

@@ -16,7 +16,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.results import MadeBy, Note, RegistrationResult
 from pipeline.kernels.remesh import MANY_FACES
 from pipeline.report.colormap import ColourScale
-from pipeline.report.glb import Light, write_glb
+from pipeline.report.glb import DisplayMesh, write_glb
 from pipeline.report.page import legend, views_of
 from tests.support.meshes import blob_stl
 from tests.support.shapes import icosphere
@@ -139,7 +139,7 @@ def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
     ball = icosphere(10.0, 7)
     assert len(ball.faces) > MANY_FACES
     height = (ball.vertices[:, 2] + 10) / 20
-    write_glb(tmp_path / "a.glb", Light(ball), np.column_stack([height, height, height]))
+    write_glb(tmp_path / "a.glb", DisplayMesh(ball), np.column_stack([height, height, height]))
     seen = trimesh.load(tmp_path / "a.glb", process=False).geometry["surface"]
     assert 10_000 < len(seen.faces) <= MANY_FACES
     assert np.linalg.norm(seen.vertices, axis=1) * 1000 == pytest.approx(10, abs=0.05)
@@ -149,7 +149,7 @@ def test_a_large_mesh_is_decimated_for_viewers_only(tmp_path: Path) -> None:
 
 def test_a_cloud_has_its_colours_too(tmp_path: Path) -> None:
     cloud = Mesh(icosphere(5.0, 2).vertices, np.zeros((0, 3), dtype=np.int32))
-    write_glb(tmp_path / "a.glb", Light(cloud), np.tile([1.0, 0, 0], (len(cloud.vertices), 1)))
+    write_glb(tmp_path / "a.glb", DisplayMesh(cloud), np.tile([1.0, 0, 0], (len(cloud.vertices), 1)))
     seen = trimesh.load(tmp_path / "a.glb").geometry["surface"]
     assert len(seen.vertices) == len(cloud.vertices) and (seen.colors[:, :3] == [255, 0, 0]).all()
 
