@@ -21,7 +21,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.kernels.surface import Surface
 from pipeline.search.types import DescribedMesh
 
@@ -101,15 +101,15 @@ def load_design(path: Path, file: MeshFile, settings: Settings, seed: int) -> De
 
 
 def build_design(
-    design: InputMesh, design_fingerprint: str, settings: Settings, watch: Watch, seed: int
+    design: InputMesh, design_fingerprint: str, settings: Settings, timer: StageTimer, seed: int
 ) -> DesignModel:
     """Analyse a design up to the landmarks, then compute what matching and the verdict need of it.
 
     design_fingerprint : see `fingerprint`
     """
     scales = Scales.of(design.mesh, settings)
-    analysis = analyse_mesh(design.mesh, "design", scales, settings, watch, seed).without_fine_mesh()
-    with watch.stage(Stage.MATCHING, "design"):
+    analysis = analyse_mesh(design.mesh, "design", scales, settings, timer, seed).without_fine_mesh()
+    with timer.stage(Stage.MATCHING, "design"):
         described = describe_mesh(analysis, scales, settings)
         length_mm = scales.matching_mm(settings)
         symmetry = find_symmetries(Surface(design.mesh), described, length_mm, settings.matching, seed)

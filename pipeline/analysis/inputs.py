@@ -7,7 +7,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.load import Loaded, load
 
@@ -56,7 +56,7 @@ class InputMesh:
 
 
 def read_mesh(
-    file: MeshFile, name: str, settings: Settings, watch: Watch, *, needs_surface: bool
+    file: MeshFile, name: str, settings: Settings, timer: StageTimer, *, needs_surface: bool
 ) -> InputMesh:
     """Load and clean one mesh. needs_surface : False accepts a point cloud
 
@@ -65,7 +65,7 @@ def read_mesh(
     PipelineError
         When the file is unreadable, or nothing usable is left of it.
     """
-    with watch.stage(Stage.LOAD, name):
+    with timer.stage(Stage.LOAD, name):
         loaded = load(file, name, settings.load, needs_surface=needs_surface)
-    with watch.stage(Stage.CLEAN, name):
+    with timer.stage(Stage.CLEAN, name):
         return InputMesh(name, loaded, clean(loaded.mesh, name, settings.clean))

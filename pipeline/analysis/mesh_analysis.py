@@ -11,7 +11,7 @@ from pipeline.core.mesh import IndexArray, IntArray, Mesh
 from pipeline.core.progress import Stage
 from pipeline.core.results import Note
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.kernels.nearest import nearest
 from pipeline.search.types import DescribedMesh
 from pipeline.stages.features import features, features_edge_mm, features_radius_mm
@@ -84,31 +84,38 @@ class Analysis:
 
 
 def segment_mesh(
-    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int, *, fine: bool = False
+    mesh: Mesh,
+    name: str,
+    scales: Scales,
+    settings: Settings,
+    timer: StageTimer,
+    seed: int,
+    *,
+    fine: bool = False,
 ) -> SegmentationResult:
     """Stages resample, geodesics and segmentation (steps 1 and 2 of the method). fine : also make the finer
     mesh that features are computed on
     """
-    with watch.stage(Stage.RESAMPLE, name):
+    with timer.stage(Stage.RESAMPLE, name):
         fine_edge_mm = scales.fine_edge_mm if fine else None
         resampled = resample(mesh, name, scales.edge_mm, settings.resample, fine_edge_mm=fine_edge_mm)
     working = resampled.mesh
-    with watch.stage(Stage.GEODESICS, name):
+    with timer.stage(Stage.GEODESICS, name):
         distances = geodesics(working, name, scales.size_mm, settings.geodesics, settings.segmentation)
-    with watch.stage(Stage.SEGMENTATION, name):
+    with timer.stage(Stage.SEGMENTATION, name):
         segmentation = segment(working, name, distances, settings.segmentation, seed)
     return SegmentationResult(resampled, distances, segmentation)
 
 
 def analyse_mesh(
-    mesh: Mesh, name: str, scales: Scales, settings: Settings, watch: Watch, seed: int
+    mesh: Mesh, name: str, scales: Scales, settings: Settings, timer: StageTimer, seed: int
 ) -> Analysis:
     """Stages resample to landmarks (steps 1 to 4 of the method) of a cleaned mesh."""
-    segments = segment_mesh(mesh, name, scales, settings, watch, seed, fine=True)
+    segments = segment_mesh(mesh, name, scales, settings, timer, seed, fine=True)
     working, distances, segmentation = segments.resampled.mesh, segments.distances, segments.segmentation
-    with watch.stage(Stage.FEATURES, name):
+    with timer.stage(Stage.FEATURES, name):
         features_of_mesh = features(segments.resampled.fine or working, scales.radius_mm, settings.features)
-    with watch.stage(Stage.LANDMARKS, name):
+    with timer.stage(Stage.LANDMARKS, name):
         landmark_set = landmarks(
             working, distances.surface, segmentation, features_of_mesh, settings.landmarks, seed
         )

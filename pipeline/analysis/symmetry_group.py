@@ -198,4 +198,4 @@ def possible_turns(points: FloatArray) -> FloatArray:
             angles = np.radians(np.arange(SYMMETRY.half_turn_step_deg, 180.0, SYMMETRY.half_turn_step_deg))
             turns += [np.pi * (np.cos(angle) * axes[:, i] + np.sin(angle) * axes[:, j]) for angle in angles]
     R = Rotation.from_rotvec(np.array(turns)).as_matrix()
-    return rigid.compose(R, centre - R @ centre)
+    return rigid.rotation_about(R, centre)

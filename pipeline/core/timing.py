@@ -42,8 +42,8 @@ LANDMARKS: dict[Stage, float] = {
 STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Stage.REPORT: 2}
 
 
-class Watch:
-    """`with watch.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by what
+class StageTimer:
+    """`with timer.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by what
     `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
     """
 
@@ -74,6 +74,6 @@ class Watch:
         return {stage.value: round(seconds, 4) for stage, seconds in self._seconds.items()}
 
 
-def silent() -> Watch:
+def silent() -> StageTimer:
     """For stages inside a study, whose own progress is told by trials."""
-    return Watch(ignore, dict.fromkeys(Stage, 0.0))
+    return StageTimer(ignore, dict.fromkeys(Stage, 0.0))

@@ -96,7 +96,7 @@ def _match(
     distance, found = target.tree.query(moved, distance_upper_bound=max_distance_mm)
     near = np.isfinite(distance)
     found = np.where(near, found, 0).astype(np.int64)
-    turned = rigid.turned(T[:, :3, :3], normals) * facing[:, None, None]
+    turned = rigid.rotated(T[:, :3, :3], normals) * facing[:, None, None]
     agree = (turned * target.normals[found]).sum(axis=2) > MIN_AGREEMENT
     return moved, found, (near & agree).astype(np.float64)
 

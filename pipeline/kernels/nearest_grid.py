@@ -48,7 +48,7 @@ class NearestGrid:
                 (cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]
             ]
             squared = ((moved - self._points[found]) ** 2).sum(axis=2)
-            turned = rigid.turned(chunk[:, :3, :3], normals) * facing[start : start + block, None, None]
+            turned = rigid.rotated(chunk[:, :3, :3], normals) * facing[start : start + block, None, None]
             inside &= (turned * self._normals[found]).sum(axis=2) > 0.5
             costs[start : start + block] = np.where(
                 inside, np.minimum(squared, max_distance_mm**2), max_distance_mm**2

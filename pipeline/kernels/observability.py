@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, IndexArray
+from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
+from pipeline.kernels.patches import patch_means
 
-PATCHES = 100
 MOST_EFFECTIVE = (
     300  # warp and calibration correlate everywhere: thousands of points never are so many samples
 )
@@ -44,10 +44,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Observability:
-    """eigenvalues : (6,) ascending, pure numbers that sum to about 2; free : motions with sigma above the limit"""
+    """eigenvalues : (6,) ascending, pure numbers that sum to about 2; unconstrained : motions with sigma above the limit"""
 
     eigenvalues: FloatArray
-    free: tuple[Motion, ...]
+    unconstrained: tuple[Motion, ...]
 
 
 def observe(
@@ -85,7 +85,7 @@ def observe(
         points, residual, w
     )
 
-    def noticed(vector: FloatArray) -> float:
+    def curvature_along(vector: FloatArray) -> float:
         """How fast the cost rises along a unit vector of the six, in units of its square."""
         linear = float(vector @ hessian @ vector)
         if linear > WEAK:
@@ -96,7 +96,7 @@ def observe(
         return linear
 
     def after(motion_mm: FloatArray) -> float:
-        return cost_mm2(about(centre, np.concatenate([motion_mm[:3] / radius, motion_mm[3:]])))
+        return cost_mm2(motion_about(centre, np.concatenate([motion_mm[:3] / radius, motion_mm[3:]])))
 
     def lowest(vector: FloatArray, step_mm: float, aside_mm: float) -> float:
         """The cost after so much of the motion, the others let go: facets mix a little of them into it, which over a wide
@@ -107,26 +107,26 @@ def observe(
             if abs(float(other @ vector)) > 0.5:
                 continue
             more, less = after(made + aside_mm * other), after(made - aside_mm * other)
-            curvature = more + less - 2 * cost
-            if curvature <= 0:
+            bend = more + less - 2 * cost
+            if bend <= 0:
                 continue
-            best = made + float(np.clip((less - more) / (2 * curvature), -4.0, 4.0)) * aside_mm * other
+            best = made + float(np.clip((less - more) / (2 * bend), -4.0, 4.0)) * aside_mm * other
             if (lower := after(best)) < cost:
                 made, cost = best, lower
         return cost
 
     def sigma_mm(vector: FloatArray) -> float:
-        return float(min(np.sqrt(variance / max(noticed(vector), 1e-12)), 10 * radius))
+        return float(min(np.sqrt(variance / max(curvature_along(vector), 1e-12)), 10 * radius))
 
     free = vectors[:, [sigma_mm(vector) > limit_mm for vector in vectors.T]]
     motions = tuple(_motion(each, sigma_mm(each), centre, radius) for each in _untangled(free).T)
     return Observability(np.maximum(eigenvalues, 0.0), motions)
 
 
-def about(centre: FloatArray, twist: FloatArray) -> FloatArray:
+def motion_about(centre: FloatArray, twist: FloatArray) -> FloatArray:
     """(4, 4) the motion of a twist (6,), rotation vector and translation, about a point."""
     T = rigid.from_vector(twist[None])[0]
-    return rigid.compose(T[:3, :3], T[:3, 3] + centre - T[:3, :3] @ centre)
+    return rigid.rotation_about(T[:3, :3], centre, T[:3, 3] + centre)
 
 
 def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatArray) -> float:
@@ -136,25 +136,9 @@ def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatA
     total = float((weights * residual_mm**2).sum())
     if total <= 0:
         return float(min(MOST_EFFECTIVE, len(points)))
-    extent = np.ptp(points, axis=0)
-    edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / PATCHES))
-    patch = patches(points, edge)
-    share = np.bincount(patch, weights=weights)
-    mean = np.bincount(patch, weights=weights * residual_mm) / np.maximum(share, 1e-300)
+    share, mean = patch_means(points, residual_mm, weights)
     between = float(share @ mean**2)
     return float(np.clip(len(share) * total / max(between, 1e-300), 6.0, min(MOST_EFFECTIVE, len(points))))
-
-
-def patches(points: FloatArray, edge_mm: float) -> IndexArray:
-    """(k,) number of the cube of `edge_mm` that each of `points` (k, 3) lies in; cubes without points have none. Of points
-    on one line, whose extents across are nothing, a hundred thousand cubes along it are enough.
-    """
-    edge_mm = max(edge_mm, 1e-5 * float(np.ptp(points, axis=0).max()), 1e-300)
-    cell = np.floor((points - points.min(axis=0)) / edge_mm).astype(np.int64)
-    of_cell = np.ravel_multi_index(
-        tuple(cell.T), tuple(cell.max(axis=0) + 1)
-    )  # sorts much faster than rows of three
-    return np.asarray(np.unique(of_cell, return_inverse=True)[1], dtype=np.int64)
 
 
 def _untangled(free: FloatArray) -> FloatArray:

@@ -87,7 +87,7 @@ def from_axes(scan: FloatArray, design: FloatArray) -> FloatArray:
             turn[list(order), range(3)] = signs
             if np.linalg.det(turn) > 0:
                 R = design_axes @ turn @ scan_axes.T
-                found.append(rigid.compose(R, design_mean - R @ scan_mean))
+                found.append(rigid.rotation_about(R, scan_mean, design_mean))
     return np.array(found)
 
 
@@ -124,7 +124,7 @@ def distinct(
     return order[np.array(kept, dtype=np.int64)]
 
 
-def nudged(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> FloatArray:
+def perturb(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> FloatArray:
     """(12 m, 4, 4) the pose T (4, 4) after a slide along and a turn about each principal axis of the placed `points`, to
     either side, each by every one of the m `moved_mm` (RMS over the points).
     """
@@ -140,11 +140,11 @@ def nudged(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> Floa
                 turn = rigid.from_vector(np.concatenate([side / lever * axes[:, k], np.zeros(3)])[None])[0][
                     :3, :3
                 ]
-                found.append(rigid.compose(turn, mean - turn @ mean))
+                found.append(rigid.rotation_about(turn, mean))
     return np.array(found) @ T
 
 
-def powers(step: FloatArray, most: int) -> FloatArray:
+def iterate_motion(step: FloatArray, most: int) -> FloatArray:
     """(2 most, 4, 4) the motion `step` (4, 4) made once, twice, ..., `most` times, forth and back."""
     found = []
     for each in (step, rigid.inverse(step)):

@@ -8,10 +8,10 @@ from pipeline.core.mesh import FloatArray
 def transformed(T_target_source: FloatArray, points: FloatArray) -> FloatArray:
     """points : (k, 3) under one motion (4, 4), or under each of (h, 4, 4), which gives (h, k, 3)."""
     R, t = T_target_source[..., :3, :3], T_target_source[..., None, :3, 3]
-    return turned(R, points) + t
+    return rotated(R, points) + t
 
 
-def turned(R: FloatArray, vectors: FloatArray) -> FloatArray:
+def rotated(R: FloatArray, vectors: FloatArray) -> FloatArray:
     """vectors : (k, 3) under one rotation (3, 3), or under each of (h, 3, 3), which gives (h, k, 3)."""
     flat = np.ascontiguousarray(R).reshape(-1, 3) @ vectors.T  # one product for all poses
     return np.swapaxes(flat.reshape(*R.shape[:-2], 3, len(vectors)), -1, -2)
@@ -22,6 +22,14 @@ def compose(R: FloatArray, t: FloatArray) -> FloatArray:
     T = np.zeros((*R.shape[:-2], 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, t, 1.0
     return T
+
+
+def rotation_about(R: FloatArray, centre: FloatArray, image: FloatArray | None = None) -> FloatArray:
+    """(4, 4) the motion with rotation R (3, 3) that takes the point `centre` (3,) to `image` (3,).
+
+    Without `image` the centre stays where it is: p -> R (p - centre) + centre.
+    """
+    return compose(R, (centre if image is None else image) - R @ centre)
 
 
 def inverse(T: FloatArray) -> FloatArray:
@@ -59,7 +67,7 @@ def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = Non
     u, _, vt = np.linalg.svd(covariance)
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     R = u @ flip @ vt
-    return compose(R, target_mean - R @ source_mean)
+    return rotation_about(R, source_mean, target_mean)
 
 
 def angle_deg(T: FloatArray) -> float:

@@ -8,16 +8,15 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
-from pipeline.kernels.observability import patches
+from pipeline.kernels.patches import patch_means
 from pipeline.kernels.surface import Surface
 
 _ITERATIONS = 12
 _WEAK = 1e-6  # an eigenvalue below this: the surface cannot tell (a plane has no size)
-_PATCHES = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class ScaleEstimate:
     """factors : (1,) isotropic or (3,) along the target's axes, size of the source over that of the target: 0.996 for a
     print 0.4 % too small; residual_mm : (k,) signed distance along the target's normal that is left; point : (k, 3)
     """
@@ -27,7 +26,7 @@ class Stretch:
     point: FloatArray
 
 
-def stretch(
+def estimate_scale(
     points: FloatArray,
     weights: FloatArray,
     surface: Surface,
@@ -35,7 +34,7 @@ def stretch(
     max_distance_mm: float,
     *,
     per_axis: bool,
-) -> Stretch | None:
+) -> ScaleEstimate | None:
     """Point-to-plane Gauss-Newton over rotation, translation and scale from the final pose.
 
     points : (k, 3) of the source; matches beyond `max_distance_mm` are left out. None where the surface cannot tell.
@@ -64,19 +63,15 @@ def stretch(
         x = np.linalg.solve(A, np.einsum("k,ki,k->i", w, J, residual) / w.sum())
         grown = grown * (1.0 + x[6:] / radius)
         small = rigid.from_vector(np.concatenate([x[:3] / radius, x[3:6]])[None])[0]
-        step = rigid.compose(small[:3, :3], small[:3, 3] + centre - small[:3, :3] @ centre)
+        step = rigid.rotation_about(small[:3, :3], centre, small[:3, 3] + centre)
         T = step @ T
-    return Stretch(1.0 / grown, np.where(w > 0, -residual, 0.0), found.point)
+    return ScaleEstimate(1.0 / grown, np.where(w > 0, -residual, 0.0), found.point)
 
 
-def warp_mm(stretched: Stretch, weights: FloatArray) -> float:
+def residual_deformation_mm(estimate: ScaleEstimate, weights: FloatArray) -> float:
     """RMS over patches of the surface of the mean signed distance that is left after scaling: what is bent, not rough.
 
-    weights : (k,) of the points of `stretched`; some hundred patches, so that noise averages out and long waves stay.
+    weights : (k,) of the points of `estimate`; some hundred patches, so that noise averages out and long waves stay.
     """
-    extent = np.ptp(stretched.point, axis=0)
-    edge = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / _PATCHES))
-    patch = patches(stretched.point, edge)
-    share = np.bincount(patch, weights=weights)
-    mean = np.bincount(patch, weights=weights * stretched.residual_mm) / np.maximum(share, 1e-300)
+    share, mean = patch_means(estimate.point, estimate.residual_mm, weights)
     return float(np.sqrt(share @ mean**2 / share.sum()))

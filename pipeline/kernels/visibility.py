@@ -21,14 +21,14 @@ AROUND = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Views:
+class ViewModel:
     """points : (k, 3) of the scan; directions : (k, d, 3) unit, from where each may have been seen"""
 
     points: FloatArray
     directions: FloatArray
 
     @classmethod
-    def of(cls, points: FloatArray, normals: FloatArray) -> "Views":
+    def of(cls, points: FloatArray, normals: FloatArray) -> "ViewModel":
         """normals : (k, 3), outward."""
         mean = normals.sum(axis=0)
         mean = mean / max(float(np.linalg.norm(mean)), 1e-300)
@@ -37,7 +37,7 @@ class Views:
             return cls(points, np.broadcast_to(one, (len(points), *one.shape)))
         return cls(points, _cone(normals, TILTS_DEG))
 
-    def hidden_share(self, T_design_scan: FloatArray, design: Surface, clearance_mm: float) -> float:
+    def occlusion_ratio(self, T_design_scan: FloatArray, design: Surface, clearance_mm: float) -> float:
         """Share of the points that the design hides from every direction.
 
         clearance_mm : lines start so far from the point, so that it does not hide itself.

@@ -80,7 +80,7 @@ class HypothesisSearch:
         """Poses next to the best that fit too: one tooth or one hole further on a rack or a gear."""
         shifts_mm = [share * self._diagonal_mm for share in MATCHING.perturbations_share]
         around = PosePool.around(
-            poses.nudged(pool.T[0], self.scan_samples.points[self._coarse], shifts_mm), pool
+            poses.perturb(pool.T[0], self.scan_samples.points[self._coarse], shifts_mm), pool
         )
         return self._refine_new(around, MATCHING.neighbour_rounds, pool)
 
@@ -91,7 +91,10 @@ class HypothesisSearch:
         T_back = rigid.inverse(pool.T[0])
         steps = neighbours.take(np.argsort(neighbours.cost_mm2, kind="stable")[: MATCHING.periodic_steps])
         repeats = MATCHING.periodic_repeats
-        motions = [*self._approximate, *(T for step in steps.T for T in poses.powers(step @ T_back, repeats))]
+        motions = [
+            *self._approximate,
+            *(T for step in steps.T for T in poses.iterate_motion(step @ T_back, repeats)),
+        ]
         if not motions:
             return pool.first(0)
         known = pool.merge(neighbours)

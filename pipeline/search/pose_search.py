@@ -169,7 +169,7 @@ class _Refiner:
             pose,
             cost_mm2=cost.cost_mm2,
             rmse_mm=cost.rmse_mm,
-            occlusion_ratio=0.0 if views is None else views.hidden_share(T, self._design, self.inlier_mm),
+            occlusion_ratio=0.0 if views is None else views.occlusion_ratio(T, self._design, self.inlier_mm),
             coverage=self._scan.coverage(T, sign, self._design, self.inlier_mm),
         )
 

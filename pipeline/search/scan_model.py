@@ -11,7 +11,7 @@ from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.kernels.visibility import Views
+from pipeline.kernels.visibility import ViewModel
 from pipeline.search.schedule import REGISTRATION
 from pipeline.search.types import PoseCost
 
@@ -55,13 +55,13 @@ class ScanModel:
         self.surface = None if mesh.is_cloud else Surface(mesh)
         self._seed = seed
 
-    def views(self, normal_sign: float) -> Views | None:
+    def views(self, normal_sign: float) -> ViewModel | None:
         """The directions it may have been seen from; None for a cloud, which has no outer side."""
         samples = self.coarse_samples
         if samples.normals is None:
             return None
         some = slice(None, None, max(1, len(samples.points) // REGISTRATION.occlusion_samples))
-        return Views.of(samples.points[some], normal_sign * samples.normals[some])
+        return ViewModel.of(samples.points[some], normal_sign * samples.normals[some])
 
     def coverage(
         self, T_design_scan: FloatArray, normal_sign: float, design: Surface, inlier_distance_mm: float

@@ -25,7 +25,7 @@ SPARE = 3  # points chosen one after another, for each one asked for: borders an
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class DetectorInput:
     """What a detector may look at: the working mesh, distances along its surface, the features (on their finer mesh).
 
     count : points that will be asked of it; spacing_mm : least distance they will have; seed : of random draws
@@ -40,7 +40,7 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class Candidates:
+class RankedKeypoints:
     """vertex : (k,) of `mesh`, best first; strength : (k,) what they are ordered by, falling;
     position_mm : (k, 3), the vertex or, for maxima of a field, between the vertices
     """
@@ -51,10 +51,10 @@ class Candidates:
     position_mm: FloatArray
 
 
-Detect = Callable[[Scene], Candidates]
+Detect = Callable[[DetectorInput], RankedKeypoints]
 
 
-def gaussian_curvature(scene: Scene) -> Candidates:
+def gaussian_curvature(scene: DetectorInput) -> RankedKeypoints:
     """Local maxima of the Gaussian curvature averaged over the feature radius, the largest first. Not on an open border,
     where a vertex has no curvature of its own.
     """
@@ -64,13 +64,13 @@ def gaussian_curvature(scene: Scene) -> Candidates:
     return _by_maxima(scene, mesh, field)
 
 
-def agd(scene: Scene) -> Candidates:
+def agd(scene: DetectorInput) -> RankedKeypoints:
     """Local maxima of the average geodesic distance: the tips of the part."""
     areas = scene.mesh.vertex_areas_mm2()
     return _by_maxima(scene, scene.mesh, average_geodesic(scene.mesh.vertices, areas, scene.surface))
 
 
-def hks(scene: Scene) -> Candidates:
+def hks(scene: DetectorInput) -> RankedKeypoints:
     """Local maxima in the 2-ring of the heat kernel signature, those of the longest diffusion time first."""
     fields = heat_kernel.signatures(scene.mesh, scene.surface.components)
     fields[~_with_area(scene.mesh)] = -np.inf
@@ -85,14 +85,14 @@ def hks(scene: Scene) -> Candidates:
     return replace(found, position_mm=positions[found.vertex])
 
 
-def iss_keypoints(scene: Scene) -> Candidates:
+def iss_keypoints(scene: DetectorInput) -> RankedKeypoints:
     """ISS keypoints by their saliency, then the other vertices by theirs."""
     members = np.flatnonzero(_with_area(scene.mesh))
     found = iss.keypoints(scene.mesh.vertices[members])
     return _candidates(scene.mesh, maxima.ranked(found.saliency, found.keypoint), members)
 
 
-def gp(scene: Scene) -> Candidates:
+def gp(scene: DetectorInput) -> RankedKeypoints:
     """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
     members = np.flatnonzero(_with_area(scene.mesh))
     points, areas = scene.mesh.vertices[members], scene.mesh.vertex_areas_mm2()
@@ -111,7 +111,7 @@ def gp(scene: Scene) -> Candidates:
     return _candidates(scene.mesh, ranking, members)
 
 
-def farthest(scene: Scene) -> Candidates:
+def farthest(scene: DetectorInput) -> RankedKeypoints:
     """Farthest-point sampling along the surface, then the other vertices by their distance to what it took."""
     usable, areas = _with_area(scene.mesh), scene.mesh.vertex_areas_mm2()
     found = farthest_points(scene.mesh.vertices, areas, scene.surface, SPARE * scene.count, usable)
@@ -120,7 +120,7 @@ def farthest(scene: Scene) -> Candidates:
     return _candidates(scene.mesh, maxima.by_turn(np.concatenate([found.taken, rest])))
 
 
-def random(scene: Scene) -> Candidates:
+def random(scene: DetectorInput) -> RankedKeypoints:
     """All vertices in a random order, drawn one after another by area (Efraimidis & Spirakis 2006)."""
     members = np.flatnonzero(_with_area(scene.mesh))
     waiting = np.random.default_rng(scene.seed).exponential(size=len(members))
@@ -139,7 +139,7 @@ COMPETITORS: dict[Detector, Detect] = {
 }
 
 
-def _by_maxima(scene: Scene, mesh: Mesh, field: FloatArray) -> Candidates:
+def _by_maxima(scene: DetectorInput, mesh: Mesh, field: FloatArray) -> RankedKeypoints:
     field = np.where(_with_area(mesh), field, -np.inf)
     tops = maxima.local_maxima(field, maxima.ring(mesh.faces, len(field)))
     found = _candidates(mesh, maxima.ranked(field, tops))
@@ -148,16 +148,16 @@ def _by_maxima(scene: Scene, mesh: Mesh, field: FloatArray) -> Candidates:
     return replace(found, position_mm=positions[found.vertex])
 
 
-def _between_vertices(scene: Scene, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
+def _between_vertices(scene: DetectorInput, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
     """(k, 3) maxima of the field as exactly as T^2 locates its own."""
     finite = np.where(np.isfinite(field), field, np.min(field[np.isfinite(field)], initial=0.0))
     return peaks.located(mesh, finite, tops, REACH_RADII * scene.features.radius_mm).position_mm
 
 
-def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> Candidates:
+def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> RankedKeypoints:
     """members : what `found.vertex` counts; default all vertices."""
     vertex = found.vertex if members is None else members[found.vertex]
-    return Candidates(mesh, vertex, found.strength, mesh.vertices[vertex])
+    return RankedKeypoints(mesh, vertex, found.strength, mesh.vertices[vertex])
 
 
 def _with_area(mesh: Mesh) -> BoolArray:
@@ -171,7 +171,7 @@ def _mean_edge_mm(mesh: Mesh) -> float:
     return float(np.linalg.norm(along, axis=1).mean()) if len(ends) else 0.0
 
 
-def _curvatures(scene: Scene) -> tuple[FloatArray, FloatArray]:
+def _curvatures(scene: DetectorInput) -> tuple[FloatArray, FloatArray]:
     """(n,) Gaussian and mean curvature at the vertices of the working mesh."""
     _, at = nearest(scene.features.mesh.vertices, scene.mesh.vertices)
     return scene.features.gaussian_curvature_per_mm2[at], scene.features.mean_curvature_per_mm[at]

@@ -81,7 +81,7 @@ def deviation_of_design(
         closest = surface.closest(in_scan)
         inside = -surface.signed_distance(in_scan, closest)  # there the print has too much
         # Which side of an open scan is its inside, is told by the design.
-        out = rigid.turned(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
+        out = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
         agrees = float(np.einsum("md,md->", out, fit.closest.normal[scan.faces[:, 0]])) >= 0
         signed = inside if agrees else -inside
         counted = ~surface.on_open_border(closest)

@@ -12,7 +12,7 @@ from pipeline.core.settings import LandmarksSettings
 from pipeline.kernels import maxima, peaks
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import nearest
-from pipeline.stages.detectors import COMPETITORS, Scene
+from pipeline.stages.detectors import COMPETITORS, DetectorInput
 from pipeline.stages.features import Features
 from pipeline.stages.resample import nearest_vertices
 from pipeline.stages.segmentation import Segmentation
@@ -64,7 +64,7 @@ def landmarks(
     found = _apart(_t2_marks(features, scores, settings), features, spacing_mm, settings)
     if settings.detector != "t2":
         count = settings.count or len(found.vertex)
-        scene = Scene(mesh, surface, features, count, spacing_mm, seed)
+        scene = DetectorInput(mesh, surface, features, count, spacing_mm, seed)
         found = _apart(
             _competitor(scene, settings), features, spacing_mm, settings.model_copy(update={"count": count})
         )
@@ -213,7 +213,7 @@ def _t2_marks(features: Features, scores: Scores, settings: LandmarksSettings) -
     return Marks(mesh, tops[order], found.position_mm[order], found.value[order] ** 2 / limit)
 
 
-def _competitor(scene: Scene, settings: LandmarksSettings) -> Marks:
+def _competitor(scene: DetectorInput, settings: LandmarksSettings) -> Marks:
     found = COMPETITORS[settings.detector](scene)
     return Marks(found.mesh, found.vertex, found.position_mm, found.strength)
 

@@ -9,7 +9,7 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.observability import Observability, observe
-from pipeline.kernels.similarity import stretch, warp_mm
+from pipeline.kernels.similarity import estimate_scale, residual_deformation_mm
 from pipeline.kernels.surface import Closest, Surface
 from pipeline.search.pose_search import search_pose
 from pipeline.search.scan_model import ScanModel, ScanPoints
@@ -42,7 +42,7 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
-class ScaleEstimate:
+class ScaleDiagnosis:
     """isotropic, per_axis (3,) along the design's axes : scan size over design size; warp_mm : RMS residual
     deformation after the latter; None where the surface does not determine it
     """
@@ -72,7 +72,7 @@ class Registration:
     rmse_complete_mm: float
     design_coverage: float
     observability: Observability
-    scale: ScaleEstimate
+    scale: ScaleDiagnosis
     scan_surface: Surface | None
 
 
@@ -162,17 +162,20 @@ def assess_observability(
 
 def _estimate_scale(
     points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float
-) -> ScaleEstimate:
+) -> ScaleDiagnosis:
     arguments = (points.points, points.weights, design, T_design_scan, inlier_mm)
     isotropic, per_axis = (
         estimate if estimate is not None and _is_plausible(estimate.factors) else None
-        for estimate in (stretch(*arguments, per_axis=False), stretch(*arguments, per_axis=True))
+        for estimate in (
+            estimate_scale(*arguments, per_axis=False),
+            estimate_scale(*arguments, per_axis=True),
+        )
     )
     finest = per_axis or isotropic
-    return ScaleEstimate(
+    return ScaleDiagnosis(
         None if isotropic is None else float(isotropic.factors[0]),
         None if per_axis is None else per_axis.factors,
-        None if finest is None else warp_mm(finest, points.weights),
+        None if finest is None else residual_deformation_mm(finest, points.weights),
     )
 
 

@@ -98,7 +98,7 @@ def check_other_units(
         tight_mm = SCORE_LIMITS.loose_fit_share * settings.max_residual_share * size_mm
         is_tight = registered.registration.fit.truncated_rms_mm <= tight_mm
         is_whole = scaled.diagonal_mm >= HYPOTHESES.whole_part_ratio * diagonal_mm
-        is_held = is_whole or not registered.registration.observability.free
+        is_held = is_whole or not registered.registration.observability.unconstrained
         if is_tight and is_held and fits(registered.registration, diagonal_mm, settings):
             return factor, registered
     return None

@@ -87,7 +87,7 @@ def unconstrained_motions(case: Case) -> list[Finding]:
             f"uncertain by {motion.sigma_mm:.3g} mm (1 sigma); the limit is {case.max_sigma_mm:.3g} mm",
             value=motion.sigma_mm,
         )
-        for motion in case.registration.observability.free
+        for motion in case.registration.observability.unconstrained
     ]
 
 
@@ -109,7 +109,7 @@ def weaknesses(case: Case) -> list[Finding]:
     """Weak geometry, few landmark matches, ICP that did not converge."""
     found, registration = [], case.registration
     weakest = float(registration.observability.eigenvalues[0])
-    if weakest < VERDICT.weak_eigenvalue and not registration.observability.free:
+    if weakest < VERDICT.weak_eigenvalue and not registration.observability.unconstrained:
         detail = "the surfaces constrain one of the six degrees of freedom only weakly; check the pose"
         found.append(Finding(code="weakly_constrained", detail=detail, value=weakest))
     if case.matching.T_landmarks is None:

@@ -62,7 +62,7 @@ def _status(
         return "mirrored"
     if is_misfit:
         return "no_match"
-    if case.registration.observability.free:
+    if case.registration.observability.unconstrained:
         return "under_constrained"
     if case.has_close_alternative(settings) or case.mirror_fits_better():
         return "ambiguous"

@@ -9,7 +9,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress
 from pipeline.core.results import LandmarksOfMesh, LandmarksResult, SegmentsOfMesh
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import write_landmarks
 from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
 from pipeline.workflows.provenance import one_provenance
@@ -20,10 +20,10 @@ def run_landmarks(
     file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
 ) -> LandmarksResult:
     """See `pipeline.find_landmarks`."""
-    watch = Watch(on_progress, timing.LANDMARKS)
-    source = read_mesh(file, "mesh", settings, watch, needs_surface=True)
+    timer = StageTimer(on_progress, timing.LANDMARKS)
+    source = read_mesh(file, "mesh", settings, timer, needs_surface=True)
     mesh = source.mesh
-    analysis = analyse_mesh(mesh, "mesh", Scales.of(mesh, settings), settings, watch, seed)
+    analysis = analyse_mesh(mesh, "mesh", Scales.of(mesh, settings), settings, timer, seed)
     landmarks = landmark_records(analysis)
     result = LandmarksResult(
         segments=SegmentsOfMesh(mesh=analysis_segments(analysis, settings)),
@@ -34,5 +34,5 @@ def run_landmarks(
         warnings=[*analysis.warnings, *landmark_warnings(mesh=landmarks), *source.warnings()],
     )
     return publish(
-        result, out, settings, watch, lambda folder, built: write_landmarks(folder, built, analysis, settings)
+        result, out, settings, timer, lambda folder, built: write_landmarks(folder, built, analysis, settings)
     )

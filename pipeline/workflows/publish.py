@@ -9,7 +9,7 @@ from typing import TypeVar
 from pipeline.core.progress import Stage
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import Artifacts
 
 R = TypeVar("R", RegistrationResult, SegmentsResult, LandmarksResult, StudyResult)
@@ -20,7 +20,7 @@ def publish(
     result: R,
     out: Path | None,
     settings: Settings,
-    watch: Watch,
+    timer: StageTimer,
     write_artifacts: Callable[[Path, R], Artifacts],
 ) -> R:
     """The result with its files, timings and the warnings of the report; written to `out`, unless that is
@@ -29,15 +29,15 @@ def publish(
     write_artifacts : called with the folder and the result; not called without `report.write_files`
     """
     if out is None:
-        return result.model_copy(update={"timings_s": watch.timings_s()})
+        return result.model_copy(update={"timings_s": timer.timings_s()})
     artifacts: Artifacts = Artifacts()
-    with watch.stage(Stage.REPORT):
+    with timer.stage(Stage.REPORT):
         out.mkdir(parents=True, exist_ok=True)
         if settings.report.write_files:
             artifacts = write_artifacts(out, result)
     result = result.model_copy(
         update={
-            "timings_s": watch.timings_s(),
+            "timings_s": timer.timings_s(),
             "files": sorted([*artifacts.files, RESULTS]),
             "warnings": [*result.warnings, *artifacts.notes],
         }

@@ -18,7 +18,7 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
 from pipeline.core.results import DesignDeviation, RegistrationResult
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
@@ -39,16 +39,16 @@ def run_registration(
     on_progress: OnProgress,
 ) -> RegistrationResult:
     """See `pipeline.register`."""
-    watch, settings = Watch(on_progress, timing.REGISTRATION), job.settings
+    timer, settings = StageTimer(on_progress, timing.REGISTRATION), job.settings
     design = None if design_cache is None else load_design(design_cache, design_file, settings, job.seed)
     is_new = design is None
-    outcome = compute_registration(design_file, scan_file, design, job, watch)
+    outcome = compute_registration(design_file, scan_file, design, job, timer)
     result = registration_result(outcome, job)
     result = publish(
         result,
         out,
         settings,
-        watch,
+        timer,
         lambda folder, built: write_registration(
             folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
         ),
@@ -63,23 +63,23 @@ def compute_registration(
     scan_file: MeshFile,
     design: DesignModel | None,
     job: JobParameters,
-    watch: Watch,
+    timer: StageTimer,
 ) -> RegistrationOutcome:
     """The method. design : the cached model of `design_file`, None to build it"""
     settings, seed = job.settings, job.seed
-    input_design = None if design else read_mesh(design_file, "design", settings, watch, needs_surface=True)
-    input_scan = read_mesh(scan_file, "scan", settings, watch, needs_surface=False)
+    input_design = None if design else read_mesh(design_file, "design", settings, timer, needs_surface=True)
+    input_scan = read_mesh(scan_file, "scan", settings, timer, needs_surface=False)
     if input_design is not None:
-        design = build_design(input_design, fingerprint(design_file, settings, seed), settings, watch, seed)
+        design = build_design(input_design, fingerprint(design_file, settings, seed), settings, timer, seed)
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
-    scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, watch, seed)
-    with watch.stage(Stage.MATCHING, "scan"):
+    scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, timer, seed)
+    with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)
-    with watch.stage(Stage.REGISTRATION):
+    with timer.stage(Stage.REGISTRATION):
         registered = register_scan(matched, design, job)
         registered, checks = verify_hypotheses(registered, design, job)
         verdict = judge(Case.of(registered, checks, design, job), settings.registration)
-    with watch.stage(Stage.DEVIATION):
+    with timer.stage(Stage.DEVIATION):
         deviations = _deviations(registered.scan, registered, design, job)
         has_pose = verdict.status in HAS_POSE
         of_design = _deviation_of_design(registered, design, job) if has_pose else None

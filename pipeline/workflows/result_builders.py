@@ -164,7 +164,7 @@ def observability(registration: Registration) -> Observability:
                 point_mm=motion.point_mm.tolist(),
                 sigma_mm=motion.sigma_mm,
             )
-            for motion in seen.free
+            for motion in seen.unconstrained
         ],
     )
 

@@ -8,7 +8,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
 from pipeline.core.results import StudyResult
 from pipeline.core.settings import Settings
-from pipeline.core.timing import Watch
+from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import Artifacts, write_study_page
 from pipeline.studies.detector_study import study
 from pipeline.workflows.provenance import one_provenance
@@ -19,11 +19,11 @@ def run_study(
     file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
 ) -> StudyResult:
     """See `pipeline.study`."""
-    watch = Watch(on_progress, timing.STUDY)
-    source = read_mesh(file, "mesh", settings, watch, needs_surface=True)
-    with watch.stage(Stage.STUDY):
+    timer = StageTimer(on_progress, timing.STUDY)
+    source = read_mesh(file, "mesh", settings, timer, needs_surface=True)
+    with timer.stage(Stage.STUDY):
         outcome = study(
-            source.mesh, settings, seed, lambda share, message: watch.within(Stage.STUDY, share, message)
+            source.mesh, settings, seed, lambda share, message: timer.within(Stage.STUDY, share, message)
         )
     result = StudyResult(
         protocol=outcome.protocol,
@@ -40,4 +40,4 @@ def run_study(
         outcome.write(folder)
         return Artifacts(("trials.csv", "study.svg")) + write_study_page(folder, built, settings)
 
-    return publish(result, out, settings, watch, write)
+    return publish(result, out, settings, timer, write)

@@ -157,7 +157,7 @@ def _starts(points: FloatArray, onto: FloatArray) -> list[FloatArray]:
         if np.gcd(k, n) == 1
     ]
     turns += list(Rotation.random(RANDOM_STARTS, rng=np.random.default_rng(0)).as_matrix())
-    return [rigid.compose(R, onto - R @ centre) for R in turns]
+    return [rigid.rotation_about(R, centre, onto) for R in turns]
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ from tests.support import shapes
 
 def test_a_nudge_moves_the_points_by_what_was_asked() -> None:
     points, T = shapes.bumpy_blob(3).vertices, shapes.motion(1)
-    found = poses.nudged(T, points, [0.5, 2.0])
+    found = poses.perturb(T, points, [0.5, 2.0])
     assert found.shape == (24, 4, 4)
     moved = [rigid.rms_displacement(each, T, points) for each in found]
     assert moved == pytest.approx([0.5] * 12 + [2.0] * 12, rel=0.01)  # a turn moves along an arc
@@ -19,7 +19,7 @@ def test_a_nudge_moves_the_points_by_what_was_asked() -> None:
 
 def test_powers_of_a_quarter_turn_come_back() -> None:
     turn = np.array([[0.0, -1, 0, 3], [1, 0, 0, -2], [0, 0, 1, 0], [0, 0, 0, 1]])
-    once, twice, thrice, four, *back = poses.powers(turn, 4)
+    once, twice, thrice, four, *back = poses.iterate_motion(turn, 4)
     np.testing.assert_allclose(once, turn, atol=1e-12)
     np.testing.assert_allclose(twice, turn @ turn, atol=1e-12)
     np.testing.assert_allclose(four, np.eye(4), atol=1e-12)

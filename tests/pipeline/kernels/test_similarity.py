@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid, sampling
-from pipeline.kernels.similarity import stretch, warp_mm
+from pipeline.kernels.similarity import estimate_scale, residual_deformation_mm
 from pipeline.kernels.surface import Surface
 from tests.support import shapes
 
@@ -26,16 +26,16 @@ EQUAL = np.full(4000, 1 / 4000)
 def test_isotropic(blob: Surface, factor: float) -> None:
     T = shapes.motion(1, translation_mm=5.0)
     scan = rigid.transformed(rigid.inverse(T), points_of(blob, [factor] * 3))
-    found = stretch(scan, EQUAL, blob, T, 3.0, per_axis=False)
+    found = estimate_scale(scan, EQUAL, blob, T, 3.0, per_axis=False)
     assert found is not None and found.factors[0] == pytest.approx(factor, abs=1e-4)
 
 
 def test_per_axis_and_nothing_is_bent(blob: Surface) -> None:
     factors = [0.99, 1.005, 1.02]
-    found = stretch(points_of(blob, factors), EQUAL, blob, np.eye(4), 3.0, per_axis=True)
+    found = estimate_scale(points_of(blob, factors), EQUAL, blob, np.eye(4), 3.0, per_axis=True)
     assert found is not None
     np.testing.assert_allclose(found.factors, factors, atol=3e-4)
-    assert warp_mm(found, EQUAL) < 0.01
+    assert residual_deformation_mm(found, EQUAL) < 0.01
 
 
 def test_warp_is_what_scaling_leaves_and_noise_is_not(blob: Surface) -> None:
@@ -44,9 +44,9 @@ def test_warp_is_what_scaling_leaves_and_noise_is_not(blob: Surface) -> None:
     noise = np.random.default_rng(0).normal(0, 0.2, 4000)[:, None] * samples.normals
 
     def warp_of(points: FloatArray) -> float:
-        found = stretch(points, EQUAL, blob, np.eye(4), 3.0, per_axis=True)
+        found = estimate_scale(points, EQUAL, blob, np.eye(4), 3.0, per_axis=True)
         assert found is not None
-        return warp_mm(found, EQUAL)
+        return residual_deformation_mm(found, EQUAL)
 
     assert warp_of(samples.points + noise) < 0.06
     assert warp_of(samples.points + wave) == pytest.approx(0.2 / np.sqrt(2), rel=0.25)
@@ -55,4 +55,4 @@ def test_warp_is_what_scaling_leaves_and_noise_is_not(blob: Surface) -> None:
 def test_a_plane_has_no_size() -> None:
     plane = Surface(shapes.grid_plane(20, 20))
     points = sampling.on_surface(plane.mesh, 4000, 0).points
-    assert stretch(points, EQUAL, plane, np.eye(4), 3.0, per_axis=False) is None
+    assert estimate_scale(points, EQUAL, plane, np.eye(4), 3.0, per_axis=False) is None

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.stages.detectors import COMPETITORS, Candidates, Scene
+from pipeline.stages.detectors import COMPETITORS, RankedKeypoints, DetectorInput
 from pipeline.stages.features import features
 from tests.support import shapes
 
@@ -18,20 +18,22 @@ EVERY: list[Detector] = [*NAMED, "random"]
 BY_MAXIMA: list[Detector] = ["gaussian_curvature", "agd", "hks", "iss"]
 
 
-def scene(mesh: Mesh, radius_mm: float = RADIUS_MM, seed: int = 0, threads: int | None = None) -> Scene:
+def scene(
+    mesh: Mesh, radius_mm: float = RADIUS_MM, seed: int = 0, threads: int | None = None
+) -> DetectorInput:
     surface = GeodesicSolver(mesh.vertices, mesh.faces, threads=threads)
     measured = features(mesh, radius_mm, FeaturesSettings())
-    return Scene(mesh, surface, measured, COUNT, radius_mm, seed)
+    return DetectorInput(mesh, surface, measured, COUNT, radius_mm, seed)
 
 
-def assert_ordered(found: Candidates) -> None:
+def assert_ordered(found: RankedKeypoints) -> None:
     assert len(np.unique(found.vertex)) == len(found.vertex) == len(found.strength)
     assert np.isfinite(found.strength).all()
     assert (np.diff(found.strength) <= 0).all()
 
 
 @pytest.fixture(scope="module")
-def blob() -> Scene:
+def blob() -> DetectorInput:
     return scene(shapes.bumpy_blob(3))
 
 
@@ -40,14 +42,14 @@ def test_there_is_one_for_every_name_of_the_settings_but_t2() -> None:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_every_vertex_is_a_candidate_the_best_first(name: Detector, blob: Scene) -> None:
+def test_every_vertex_is_a_candidate_the_best_first(name: Detector, blob: DetectorInput) -> None:
     found = COMPETITORS[name](blob)
     assert_ordered(found)
     assert len(found.vertex) == len(blob.mesh.vertices)
 
 
 @pytest.mark.parametrize("name", BY_MAXIMA)
-def test_maxima_are_stronger_than_what_fills_up(name: Detector, blob: Scene) -> None:
+def test_maxima_are_stronger_than_what_fills_up(name: Detector, blob: DetectorInput) -> None:
     strength = COMPETITORS[name](blob).strength
     tops = int((strength >= 1).sum())
     assert 3 <= tops < 100
@@ -56,7 +58,9 @@ def test_maxima_are_stronger_than_what_fills_up(name: Detector, blob: Scene) -> 
 
 @pytest.mark.parametrize("factor", [1.0, 1000.0], ids=["turned", "turned, metres"])
 @pytest.mark.parametrize("name", NAMED)
-def test_turning_and_scaling_the_part_keeps_the_vertices(name: Detector, factor: float, blob: Scene) -> None:
+def test_turning_and_scaling_the_part_keeps_the_vertices(
+    name: Detector, factor: float, blob: DetectorInput
+) -> None:
     moved = blob.mesh.moved(shapes.motion(5))
     after = COMPETITORS[name](scene(Mesh(moved.vertices * factor, moved.faces), RADIUS_MM * factor))
     before = COMPETITORS[name](blob)
@@ -65,7 +69,7 @@ def test_turning_and_scaling_the_part_keeps_the_vertices(name: Detector, factor:
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_renumbering_vertices_and_faces_keeps_the_positions(name: Detector, blob: Scene) -> None:
+def test_renumbering_vertices_and_faces_keeps_the_positions(name: Detector, blob: DetectorInput) -> None:
     rng = np.random.default_rng(2)
     old_of_new = rng.permutation(len(blob.mesh.vertices))
     faces = rng.permutation(np.argsort(old_of_new)[blob.mesh.faces])
@@ -116,7 +120,7 @@ def test_a_lone_triangle_is_fine(name: Detector) -> None:
     assert_ordered(COMPETITORS[name](scene(mesh)))
 
 
-def tips(mesh: Mesh, found: Candidates, count: int) -> FloatArray:
+def tips(mesh: Mesh, found: RankedKeypoints, count: int) -> FloatArray:
     return mesh.vertices[found.vertex[:count]]
 
 
@@ -147,7 +151,7 @@ def test_random_follows_area_and_seed() -> None:
     base = scene(both)
     firsts = []
     for seed in range(400):
-        drawn = Scene(both, base.surface, base.features, COUNT, RADIUS_MM, seed)
+        drawn = DetectorInput(both, base.surface, base.features, COUNT, RADIUS_MM, seed)
         firsts.append(COMPETITORS["random"](drawn).vertex[0] >= n)
     assert np.mean(firsts) == pytest.approx(0.8, abs=0.06)
     again = COMPETITORS["random"](base).vertex
