@@ -8,9 +8,7 @@ from pipeline.core.mesh import FloatArray, IndexArray
 PATCHES = 100
 
 
-def patch_means(
-    points: FloatArray, values: FloatArray, weights: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def patch_means(points: FloatArray, values: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Weight (p,) and weighted mean value (p,) of each patch; about `PATCHES` patches on a compact part.
 
     points : (k, 3) mm on the surface; values : (k,); weights : (k,) >= 0.

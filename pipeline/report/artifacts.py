@@ -17,7 +17,9 @@ from pipeline.report import pdf as report_pdf
 from pipeline.report import writers as report
 from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh
-from pipeline.report.page import Pictures, Views, views_of
+from pipeline.report.page import PageViews, render_views
+from pipeline.report.sections import Pictures
+from pipeline.report.sections import legend as deviation_legend
 from pipeline.stages.deviation import Deviations
 
 OF_DEVIATION = ("deviation.ply", "deviation.glb", "deviation_histogram.svg")
@@ -62,7 +64,7 @@ def write_registration_page(
 ) -> Written:
     """The page, and what the settings ask for beside it. shown : the scan on the design; without a pose where it was"""
     aligned = None if result.transform is None else shown.full
-    views = Views(
+    views = PageViews(
         placed=_placed(result, design, shown, measured),
         parts=_parts(design, scan, shown, is_aligned=aligned is not None),
         sizes=_sizes(result, design.analysis.mesh, aligned, scan.mesh),
@@ -123,9 +125,9 @@ def _placed(
         return None
     scale = _scale(measured)
     colours = shown.values(scale.colours(measured.signed_mm, measured.counted))
-    legend = report_page.legend(scale, measured.summary.sign, rejected=rejected)
+    legend = deviation_legend(scale, measured.summary.sign, rejected=rejected)
     return Pictures(
-        title, "distances of the scan", views_of(shown.mesh, colours, design.analysis.mesh), note, legend
+        title, "distances of the scan", render_views(shown.mesh, colours, design.analysis.mesh), note, legend
     )
 
 
@@ -143,10 +145,14 @@ def _parts(design: Design, scan: Analysis, shown: DisplayMesh, *, is_aligned: bo
     return Pictures("Segments and landmarks", "segments of the", beside, note)
 
 
-def _segments(name: str, found: Analysis, shown: DisplayMesh, like: Mesh, count: int) -> list[tuple[str, bytes]]:
+def _segments(
+    name: str, found: Analysis, shown: DisplayMesh, like: Mesh, count: int
+) -> list[tuple[str, bytes]]:
     """shown : its mesh, in whatever frame it is to be seen"""
     marks: FloatArray = np.asarray(shown.full.vertices[found.landmark_vertices])
-    views = views_of(shown.mesh, shown.values(found.segment_colours()), like, count=count, marks_mm=marks)
+    views = render_views(
+        shown.mesh, shown.values(found.segment_colours()), like, count=count, landmarks_mm=marks
+    )
     return [(f"{name} {caption}", data) for caption, data in views]
 
 

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.stages.detectors import COMPETITORS, RankedKeypoints, DetectorInput
+from pipeline.stages.detectors import COMPETITORS, DetectorInput, RankedKeypoints
 from pipeline.stages.features import features
 from tests.support import shapes
 
@@ -18,7 +18,9 @@ EVERY: list[Detector] = [*NAMED, "random"]
 BY_MAXIMA: list[Detector] = ["gaussian_curvature", "agd", "hks", "iss"]
 
 
-def scene(mesh: Mesh, radius_mm: float = RADIUS_MM, seed: int = 0, threads: int | None = None) -> DetectorInput:
+def scene(
+    mesh: Mesh, radius_mm: float = RADIUS_MM, seed: int = 0, threads: int | None = None
+) -> DetectorInput:
     surface = GeodesicSolver(mesh.vertices, mesh.faces, threads=threads)
     measured = features(mesh, radius_mm, FeaturesSettings())
     return DetectorInput(mesh, surface, measured, COUNT, radius_mm, seed)
@@ -56,7 +58,9 @@ def test_maxima_are_stronger_than_what_fills_up(name: Detector, blob: DetectorIn
 
 @pytest.mark.parametrize("factor", [1.0, 1000.0], ids=["turned", "turned, metres"])
 @pytest.mark.parametrize("name", NAMED)
-def test_turning_and_scaling_the_part_keeps_the_vertices(name: Detector, factor: float, blob: DetectorInput) -> None:
+def test_turning_and_scaling_the_part_keeps_the_vertices(
+    name: Detector, factor: float, blob: DetectorInput
+) -> None:
     moved = blob.mesh.moved(shapes.motion(5))
     after = COMPETITORS[name](scene(Mesh(moved.vertices * factor, moved.faces), RADIUS_MM * factor))
     before = COMPETITORS[name](blob)
