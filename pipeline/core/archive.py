@@ -35,14 +35,14 @@ def write(path: Path, record: Any) -> None:
     these. Appears under its name all at once.
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
-    meta = _taken(record, "r", arrays)
+    meta = _encode(record, "r", arrays)
     arrays[_META] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
-    passing = path.with_name(
+    temporary = path.with_name(
         f"{path.name}.{os.getpid()}.part"
     )  # two workers may meet the same design at once
-    with passing.open("wb") as file:
+    with temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
-    passing.replace(path)
+    temporary.replace(path)
 
 
 def read(path: Path, kind: type[Record]) -> Record:
@@ -56,15 +56,15 @@ def read(path: Path, kind: type[Record]) -> Record:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             meta = json.loads(bytes(arrays[_META]))
-            made: Record = _given(kind, meta, "r", arrays)
-            return made
+            record: Record = _decode(kind, meta, "r", arrays)
+            return record
     except FileNotFoundError:
         raise
     except _DAMAGE as error:
         raise NotAnArchive(f"{path.name}: {error}") from error
 
 
-def _taken(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
+def _encode(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
     """What of `value` goes to the JSON; its arrays go to `arrays` under keys that start with `key`."""
     if isinstance(value, np.ndarray):
         arrays[key] = value
@@ -79,33 +79,33 @@ def _taken(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any
         return value.model_dump(mode="json")
     if dataclasses.is_dataclass(value):
         names = [field.name for field in dataclasses.fields(value)]
-        return {name: _taken(getattr(value, name), f"{key}.{name}", arrays) for name in names}
+        return {name: _encode(getattr(value, name), f"{key}.{name}", arrays) for name in names}
     if isinstance(value, tuple):
-        return [_taken(each, f"{key}.{number}", arrays) for number, each in enumerate(value)]
+        return [_encode(each, f"{key}.{number}", arrays) for number, each in enumerate(value)]
     if isinstance(value, dict):
-        return {name: _taken(each, f"{key}/{name}", arrays) for name, each in value.items()}
+        return {name: _encode(each, f"{key}/{name}", arrays) for name, each in value.items()}
     if isinstance(value, _SCALARS):
         return value
     raise TypeError(f"{key}: a {type(value).__name__} has no place in an archive")
 
 
-def _given(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
-    """The value of type `kind` that `_taken` took apart."""
+def _decode(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
+    """The value of type `kind` that `_encode` produced from it."""
     origin = typing.get_origin(kind)
     if origin in (types.UnionType, typing.Union):
         (kind,) = (each for each in typing.get_args(kind) if each is not type(None))
         is_none = meta is None and not any(name == key or name.startswith(f"{key}.") for name in arrays.files)
-        return None if is_none else _given(kind, meta, key, arrays)
+        return None if is_none else _decode(kind, meta, key, arrays)
     if origin is np.ndarray:
         return arrays[key]
     if origin is tuple:
         return tuple(
-            _given(typing.get_args(kind)[0], each, f"{key}.{number}", arrays)
+            _decode(typing.get_args(kind)[0], each, f"{key}.{number}", arrays)
             for number, each in enumerate(meta)
         )
     if origin is dict:
         return {
-            name: _given(typing.get_args(kind)[1], each, f"{key}/{name}", arrays)
+            name: _decode(typing.get_args(kind)[1], each, f"{key}/{name}", arrays)
             for name, each in meta.items()
         }
     if kind is bytes:
@@ -118,7 +118,7 @@ def _given(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
         hints = typing.get_type_hints(kind)
         names = [field.name for field in dataclasses.fields(kind)]
         make: Any = kind
-        return make(**{name: _given(hints[name], meta[name], f"{key}.{name}", arrays) for name in names})
+        return make(**{name: _decode(hints[name], meta[name], f"{key}.{name}", arrays) for name in names})
     if not isinstance(meta, kind) and not (kind is float and isinstance(meta, int)):
         raise TypeError(f"{key}: {meta!r} is no {kind.__name__}")
     return kind(meta)

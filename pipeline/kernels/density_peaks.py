@@ -42,18 +42,18 @@ def choose_centres(
 
 
 def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
-    """(n,) int32 cluster of each vertex: that of its nearest denser vertex; -1 where no centre is uphill."""
+    """(n,) int32 cluster of each vertex: that of its nearest denser vertex; -1 if that chain reaches no centre."""
     n = len(nearest_denser)
-    uphill = np.append(np.where(nearest_denser >= 0, nearest_denser, n), n)  # vertex n: no centre
-    uphill[centres] = centres
-    while True:  # pointer doubling: after k rounds every vertex points 2^k steps uphill
-        further = uphill[uphill]
-        if (further == uphill).all():
+    ancestor = np.append(np.where(nearest_denser >= 0, nearest_denser, n), n)  # vertex n: no centre
+    ancestor[centres] = centres
+    while True:  # pointer doubling: after k rounds each entry is 2^k steps towards denser vertices
+        doubled = ancestor[ancestor]
+        if (doubled == ancestor).all():
             break
-        uphill = further
+        ancestor = doubled
     label = np.full(n + 1, -1, dtype=np.int32)
     label[centres] = np.arange(len(centres), dtype=np.int32)
-    return np.asarray(label[uphill[:n]], dtype=np.int32)
+    return np.asarray(label[ancestor[:n]], dtype=np.int32)
 
 
 def persistent_centres(

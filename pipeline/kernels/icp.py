@@ -60,14 +60,14 @@ def refine_many(
     normals: FloatArray,
     target: Target,
     T: FloatArray,
-    facing: FloatArray,
+    normal_sign: FloatArray,
     *,
     max_distance_mm: float,
     iterations: int,
 ) -> tuple[FloatArray, FloatArray]:
     """A short ICP of `points` (k, 3) from every pose in T (h, 4, 4).
 
-    facing : (h,) +1, or -1 to turn the normals of the points over under that pose
+    normal_sign : (h,) +1, or -1 to turn the normals of the points over under that pose
 
     Returns
     -------
@@ -75,9 +75,9 @@ def refine_many(
     max_distance_mm^2, which is also the cost of a point without a match of agreeing normal
     """
     for _ in range(iterations):
-        moved, found, weights = _match(points, normals, target, T, facing, max_distance_mm)
+        moved, found, weights = _match(points, normals, target, T, normal_sign, max_distance_mm)
         T = step(moved, target.points[found], target.normals[found], weights) @ T
-    moved, found, weights = _match(points, normals, target, T, facing, max_distance_mm)
+    moved, found, weights = _match(points, normals, target, T, normal_sign, max_distance_mm)
     residual = np.einsum("hkd,hkd->hk", target.normals[found], target.points[found] - moved)
     cost = np.where(weights > 0, np.minimum(residual**2, max_distance_mm**2), max_distance_mm**2)
     return T, cost.mean(axis=1)
@@ -88,7 +88,7 @@ def _match(
     normals: FloatArray,
     target: Target,
     T: FloatArray,
-    facing: FloatArray,
+    normal_sign: FloatArray,
     max_distance_mm: float,
 ) -> tuple[FloatArray, IndexArray, FloatArray]:
     """Points in place (h, k, 3), number of the nearest sample (h, k), weight (h, k): 1 where near and agreeing."""
@@ -96,8 +96,8 @@ def _match(
     distance, found = target.tree.query(moved, distance_upper_bound=max_distance_mm)
     near = np.isfinite(distance)
     found = np.where(near, found, 0).astype(np.int64)
-    turned = rigid.rotated(T[:, :3, :3], normals) * facing[:, None, None]
-    agree = (turned * target.normals[found]).sum(axis=2) > MIN_AGREEMENT
+    rotated = rigid.rotated(T[:, :3, :3], normals) * normal_sign[:, None, None]
+    agree = (rotated * target.normals[found]).sum(axis=2) > MIN_AGREEMENT
     return moved, found, (near & agree).astype(np.float64)
 
 

@@ -4,9 +4,13 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
+from pipeline.kernels.icp import MIN_AGREEMENT
 from pipeline.kernels.nearest import nearest
 
-_CELLS = 48  # along the longest side: a cell is about 2 % of the part
+#: Cells along the longest side of the box: a cell is about 2 % of the part. Chosen by hand; not fitted.
+CELLS = 48
+#: Poses times points that are processed at once; limits memory, changes no result.
+BLOCK_SIZE = 2_000_000
 
 
 class NearestGrid:
@@ -15,7 +19,7 @@ class NearestGrid:
     def __init__(self, points: FloatArray, normals: FloatArray, margin_mm: float) -> None:
         low = points.min(axis=0) - margin_mm
         extent = np.ptp(points, axis=0) + 2 * margin_mm
-        self._cell = float(extent.max()) / _CELLS
+        self._cell = float(extent.max()) / CELLS
         self._shape = np.maximum(1, np.ceil(extent / self._cell).astype(np.int64))
         self._low = low
         axes = [low[k] + self._cell * (np.arange(self._shape[k]) + 0.5) for k in range(3)]
@@ -26,7 +30,7 @@ class NearestGrid:
     def costs(
         self,
         T: FloatArray,
-        facing: FloatArray,
+        normal_sign: FloatArray,
         points: FloatArray,
         normals: FloatArray,
         max_distance_mm: float,
@@ -34,10 +38,10 @@ class NearestGrid:
         """(h,) mean squared distance to the sample nearest to the cell a point falls in, truncated at
         max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees.
 
-        facing : (h,) +1, or -1 to turn the normals of the points over under that pose
+        normal_sign : (h,) +1, or -1 to turn the normals of the points over under that pose
         """
         costs = np.zeros(len(T))
-        block = max(1, 2_000_000 // max(1, len(points)))
+        block = max(1, BLOCK_SIZE // max(1, len(points)))
         for start in range(0, len(T), block):
             chunk = T[start : start + block]
             moved = rigid.transformed(chunk, points)
@@ -48,8 +52,10 @@ class NearestGrid:
                 (cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]
             ]
             squared = ((moved - self._points[found]) ** 2).sum(axis=2)
-            turned = rigid.rotated(chunk[:, :3, :3], normals) * facing[start : start + block, None, None]
-            inside &= (turned * self._normals[found]).sum(axis=2) > 0.5
+            rotated = (
+                rigid.rotated(chunk[:, :3, :3], normals) * normal_sign[start : start + block, None, None]
+            )
+            inside &= (rotated * self._normals[found]).sum(axis=2) > MIN_AGREEMENT
             costs[start : start + block] = np.where(
                 inside, np.minimum(squared, max_distance_mm**2), max_distance_mm**2
             ).mean(axis=1)

@@ -16,13 +16,13 @@ from pipeline.core.results import LandmarksResult, Note, RegistrationResult, Stu
 from pipeline.core.settings import ReportSettings, Settings
 from pipeline.report import decision_graph, deviation_histogram, glb, page, palette, pdf, three_mf, writers
 from pipeline.report.glb import DisplayMesh
-from pipeline.report.page import Pictures
 from pipeline.report.registration_pictures import (
     SEGMENTS_NOTE,
     colour_scale,
     registration_views,
     segment_pictures,
 )
+from pipeline.report.sections import Pictures
 from pipeline.stages.deviation import Deviations
 
 PAGE = "report.html"

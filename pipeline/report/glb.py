@@ -21,24 +21,24 @@ class DisplayMesh:
     asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
     """
 
-    def __init__(self, full: Mesh, light: Mesh | None = None) -> None:
+    def __init__(self, full: Mesh, reduced: Mesh | None = None) -> None:
         self.full = full
-        self._light = light
-        self._unmoved: tuple[DisplayMesh, FloatArray] | None = None
+        self._reduced = reduced
+        self._original: tuple[DisplayMesh, FloatArray] | None = None
 
     @cached_property
     def mesh(self) -> Mesh:
         if self.full.is_cloud or len(self.full.faces) <= remesh.MANY_FACES:
             return self.full
-        if self._unmoved is not None:
-            unmoved, T_here_unmoved = self._unmoved
-            return unmoved.mesh.moved(T_here_unmoved)
-        return remesh.decimated(self.full, remesh.MANY_FACES // 2) if self._light is None else self._light
+        if self._original is not None:
+            unmoved, T_here_original = self._original
+            return unmoved.mesh.moved(T_here_original)
+        return remesh.decimated(self.full, remesh.MANY_FACES // 2) if self._reduced is None else self._reduced
 
     @cached_property
     def _of_full(self) -> IndexArray | None:
-        if self._unmoved is not None:
-            return self._unmoved[0]._of_full
+        if self._original is not None:
+            return self._original[0]._of_full
         return None if self.mesh is self.full else nearest(self.full.vertices, self.mesh.vertices)[1]
 
     def values(self, of_full: FloatArray) -> FloatArray:
@@ -48,18 +48,18 @@ class DisplayMesh:
     def moved(self, T_target_mesh: FloatArray) -> "DisplayMesh":
         """The same in another frame."""
         other = DisplayMesh(self.full.moved(T_target_mesh))
-        other._unmoved = self, T_target_mesh
+        other._original = self, T_target_mesh
         return other
 
 
 def write_glb(
     path: Path,
-    light: DisplayMesh,
+    display: DisplayMesh,
     colours: FloatArray,
-    marks_mm: FloatArray | None = None,
+    landmarks_mm: FloatArray | None = None,
     deviation_mm: FloatArray | None = None,
 ) -> None:
-    """One node `surface`, and one `landmarks` of small balls where `marks_mm` is given.
+    """One node `surface`, and one `landmarks` of small balls where `landmarks_mm` is given.
 
     deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`, `NOT_COUNTED` for NaN
     """
@@ -67,7 +67,7 @@ def write_glb(
 
     if deviation_mm is not None:
         colours = np.column_stack([colours, np.nan_to_num(deviation_mm, nan=NOT_COUNTED)])
-    mesh, colours = light.mesh, light.values(colours)
+    mesh, colours = display.mesh, display.values(colours)
     extra = {} if deviation_mm is None else {"_DEVIATION_MM": colours[:, 3].astype(np.float32)}
     colours = colours[:, :3]
     painted = np.column_stack([np.rint(255 * colours), np.full(len(colours), 255)]).astype(np.uint8)
@@ -82,8 +82,8 @@ def write_glb(
             vertices, mesh.faces, vertex_colors=painted, vertex_attributes=extra, process=False
         )
         scene.add_geometry(shape, node_name="surface", geom_name="surface")
-    if marks_mm is not None and len(marks_mm):
-        balls = _balls(marks_mm, BALL_SHARE * mesh.diagonal_mm)
+    if landmarks_mm is not None and len(landmarks_mm):
+        balls = _balls(landmarks_mm, BALL_SHARE * mesh.diagonal_mm)
         scene.add_geometry(balls, node_name="landmarks", geom_name="landmarks")
     path.write_bytes(scene.export(file_type="glb"))
 

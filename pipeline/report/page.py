@@ -4,7 +4,6 @@ the same bytes for the same input: it has no date and no timings. Printed, it is
 In order: may the pose be trusted, what needs a look, the figures, the deviation in colours; then what they rest on.
 """
 
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,6 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.results import (
-    DesignSide,
     Deviation,
     Input,
     LandmarksResult,
@@ -24,12 +22,10 @@ from pipeline.core.results import (
     Verdict,
 )
 from pipeline.report import tables
-from pipeline.report.colormap import ColourScale
 from pipeline.report.render import MARGIN, View, four_views, picture
+from pipeline.report.sections import Drawing, Pictures, Section
 
 PICTURE_PX = (520, 380)
-LEGEND_STEPS = 60
-NARROW = 0.18  # of half the legend: closer to zero than this a tick has no room for its words
 MEANING = {
     "ok": "The pose is found and no other explains the scan as well. Whether the print is good, the figures below say.",
     "ambiguous": "More than one pose explains the scan as well: which one is right cannot be told. Do not use the pose unchecked.",
@@ -44,49 +40,7 @@ MOODS = {"ok": "good", "ambiguous": "warn", "under_constrained": "warn", "units_
 
 
 @dataclass(frozen=True, slots=True)
-class Legend:
-    """colours : from left to right; ticks : (share of the width, words); words : what the colours mean"""
-
-    colours: Sequence[str]
-    ticks: Sequence[tuple[float, str]]
-    words: str
-
-
-@dataclass(frozen=True, slots=True)
-class Pictures:
-    """A row of pictures, two beside each other; images : (caption, PNG)"""
-
-    title: str
-    alt: str
-    images: Sequence[tuple[str, bytes]]
-    note: str = ""
-    legend: Legend | None = None
-    kind: str = "pictures"
-
-    @property
-    def encoded(self) -> list[tuple[str, str]]:
-        return [(name, b64encode(data).decode()) for name, data in self.images]
-
-
-@dataclass(frozen=True, slots=True)
-class Drawing:
-    """An SVG. full : across the whole page on paper too, or so that two have room on one"""
-
-    title: str
-    data: bytes
-    full: bool = False
-    kind: str = "drawing"
-
-    @property
-    def encoded(self) -> str:
-        return b64encode(self.data).decode()
-
-
-Section = Pictures | Drawing | tables.Table
-
-
-@dataclass(frozen=True, slots=True)
-class Views:
+class PageViews:
     """What a registration's page shows of its meshes. placed : the scan under its pose, or under the best that was rejected;
     None where it has no distances; parts : both with segments and landmarks; sizes : of both, in words
     """
@@ -96,17 +50,17 @@ class Views:
     sizes: str
 
 
-def views_of(
-    mesh: Mesh, colours: FloatArray, like: Mesh, *, count: int = 4, marks_mm: FloatArray | None = None
+def render_views(
+    mesh: Mesh, colours: FloatArray, like: Mesh, *, count: int = 4, landmarks_mm: FloatArray | None = None
 ) -> list[tuple[str, bytes]]:
     """Pictures from the sides of `like`, which is in the same frame, all of both in the frame; captions say how wide
-    they are in mm. marks_mm : dots
+    they are in mm. landmarks_mm : dots
     """
     frame = like.vertices if mesh is like else np.concatenate([like.vertices, mesh.vertices])
     return [
         (
             f"{view.name}; the picture is {_width_mm(view, frame):.3g} mm wide",
-            picture(mesh, colours, view, frame, *PICTURE_PX, marks_mm=marks_mm),
+            picture(mesh, colours, view, frame, *PICTURE_PX, landmarks_mm=landmarks_mm),
         )
         for view in four_views(like)[:count]
     ]
@@ -118,7 +72,7 @@ def _width_mm(view: View, frame: FloatArray) -> float:
     return float(MARGIN * max(width, height * PICTURE_PX[0] / PICTURE_PX[1]))
 
 
-def registration(result: RegistrationResult, views: Views, out: Path) -> str:
+def registration(result: RegistrationResult, views: PageViews, out: Path) -> str:
     """The page of a registration; the drawings are read from `out`."""
     found, posed = result.deviation, result.transform is not None
     sections: list[Section] = [] if views.placed is None else [views.placed]
@@ -187,41 +141,6 @@ def _figures(result: RegistrationResult, found: Deviation | None) -> list[tuple[
         ("98 % of the area", f"{found.p01_mm:+.3f} to {found.p99_mm:+.3f} mm"),
         ("of the design seen", "-" if seen is None else f"{seen:.0%}"),
     ]
-
-
-SIGNS: dict[DesignSide, str] = {
-    "closed": "",
-    "open": " The design is open: + is the side that its faces look to.",
-    "none": "",
-}
-
-
-def legend(scale: ColourScale, sign: DesignSide, *, rejected: bool = False) -> Legend:
-    """The scale in mm. rejected : of a pose that is none, where a distance says nothing about the print"""
-    middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
-    words = "Blue: material is missing. Red: there is too much."
-    if rejected:
-        words = "Blue: inside of the design. Red: outside."
-    if sign == "none":
-        words = "Red: away from the design. Its faces look to no common side: distances have no sign here."
-    words += " Dark grey: on an open border, not counted. Beyond the ends: the end colours."
-    if scale.tolerance_mm is not None:
-        words += f" Light grey: within the tolerance of ±{scale.tolerance_mm:g} mm."
-    return Legend(
-        [tables.hex_of(each) for each in scale.colours(middles * scale.limit_mm)],
-        _ticks(scale),
-        words + SIGNS[sign],
-    )
-
-
-def _ticks(scale: ColourScale) -> list[tuple[float, str]]:
-    """Of the ends, zero and the tolerance; where the three in the middle would lie on each other, of quarters."""
-    inner = 0.5 if scale.tolerance_mm is None else scale.tolerance_mm / scale.limit_mm
-    zero = "0"
-    if inner < NARROW:
-        inner, zero = 0.5, f"±{scale.tolerance_mm:g} mm"
-    marks = (-1.0, -inner, 0.0, inner, 1.0)
-    return [((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm" if mark else zero) for mark in marks]
 
 
 def _verdict(verdict: Verdict) -> dict[str, object]:

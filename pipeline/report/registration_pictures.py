@@ -5,10 +5,12 @@ import numpy as np
 from pipeline.analysis.mesh_analysis import Analysis
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.results import RegistrationResult
-from pipeline.report import page, palette
+from pipeline.report import palette
 from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh
-from pipeline.report.page import Pictures, Views, views_of
+from pipeline.report.page import PageViews, render_views
+from pipeline.report.sections import Pictures
+from pipeline.report.sections import legend as deviation_legend
 from pipeline.stages.deviation import Deviations
 
 SEGMENTS_NOTE = "One colour a segment, halo paler; dots are landmarks."
@@ -21,11 +23,11 @@ def registration_views(
     scan: Analysis,
     scan_display: DisplayMesh,
     deviations: Deviations,
-) -> Views:
+) -> PageViews:
     """scan_display : in the design's frame where there is a pose, else in its own"""
     has_pose = result.transform is not None
     aligned = scan_display.full if has_pose else None
-    return Views(
+    return PageViews(
         placed=_deviation_pictures(result, design, scan_display, deviations),
         parts=_both_segmented(design, design_display, scan, scan_display, is_aligned=has_pose),
         sizes=_sizes(result, design.mesh, aligned, scan.mesh),
@@ -44,7 +46,7 @@ def segment_pictures(
     """(caption, PNG) of the segments and landmarks. display : its mesh, in the frame of `like`"""
     landmarks_mm: FloatArray = np.asarray(display.full.vertices[analysis.landmark_vertices])
     colours = display.values(palette.of_clean_vertices(analysis.segmentation, analysis.resampled))
-    views = views_of(display.mesh, colours, like, count=count, marks_mm=landmarks_mm)
+    views = render_views(display.mesh, colours, like, count=count, landmarks_mm=landmarks_mm)
     return [(f"{name} {caption}", data) for caption, data in views]
 
 
@@ -66,8 +68,8 @@ def _deviation_pictures(
         return None
     scale = colour_scale(deviations)
     colours = display.values(scale.colours(deviations.signed_mm, deviations.counted))
-    legend = page.legend(scale, deviations.summary.sign, rejected=is_rejected)
-    images = views_of(display.mesh, colours, design.mesh)
+    legend = deviation_legend(scale, deviations.summary.sign, rejected=is_rejected)
+    images = render_views(display.mesh, colours, design.mesh)
     return Pictures(title, "distances of the scan", images, note, legend)
 
 

@@ -56,9 +56,9 @@ def picture(
     width: int,
     height: int,
     *,
-    marks_mm: FloatArray | None = None,
+    landmarks_mm: FloatArray | None = None,
 ) -> bytes:
-    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture; marks_mm : (m, 3)
+    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture; landmarks_mm : (m, 3)
     points on the surface, dots where they are not hidden"""
     seen = frame @ view.axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -67,7 +67,7 @@ def picture(
     if mesh.is_cloud:
         image = _splatted(mesh.vertices @ view.axes.T, colours, centre, mm_per_px, width, height)
     else:
-        image = _traced(mesh, colours, view, centre, high[2] + 1.0, mm_per_px, width, height, marks_mm)
+        image = _traced(mesh, colours, view, centre, high[2] + 1.0, mm_per_px, width, height, landmarks_mm)
     return png(image)
 
 
@@ -89,7 +89,7 @@ def _traced(
     mm_per_px: float,
     width: int,
     height: int,
-    marks_mm: FloatArray | None,
+    landmarks_mm: FloatArray | None,
 ) -> FloatArray:
     w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
     x = (np.arange(w, dtype=np.float32) - (w - 1) / 2) * step + centre[0]
@@ -122,18 +122,18 @@ def _traced(
         channel *= light
     image = np.full((3, h * w), BACKGROUND, dtype=np.float32)
     image[:, found] = colour
-    if marks_mm is not None and len(marks_mm):
+    if landmarks_mm is not None and len(landmarks_mm):
         left, top = float(x[0]), float(y[0])
         reach, radius_mm = int(np.ceil(DOT_PX * OVERSAMPLE)) + 1, DOT_PX * mm_per_px
         depth = distance.reshape(h, w)
-        for mark in marks_mm @ view.axes.T:
-            column, row = round((mark[0] - left) / step), round((top - mark[1]) / step)
+        for landmark in landmarks_mm @ view.axes.T:
+            column, row = round((landmark[0] - left) / step), round((top - landmark[1]) / step)
             rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
             columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
             # The surface point under a ray is a dot where the mark is near it: hidden marks stay hidden.
-            apart = np.hypot(*np.meshgrid(x[columns] - mark[0], y[rows] - mark[1]))
-            near_mark = np.hypot(apart, near - depth[rows, columns] - mark[2]) <= radius_mm
-            image.reshape(3, h, w)[:, rows, columns][:, near_mark] = DOT_COLOUR[:, None]
+            apart = np.hypot(*np.meshgrid(x[columns] - landmark[0], y[rows] - landmark[1]))
+            near_landmark = np.hypot(apart, near - depth[rows, columns] - landmark[2]) <= radius_mm
+            image.reshape(3, h, w)[:, rows, columns][:, near_landmark] = DOT_COLOUR[:, None]
     quads = image.reshape(3, height, OVERSAMPLE, width, OVERSAMPLE)
     total = np.zeros((3, height, width), dtype=np.float32)
     for i, j in np.ndindex(OVERSAMPLE, OVERSAMPLE):

@@ -54,78 +54,78 @@ class RankedKeypoints:
 Detect = Callable[[DetectorInput], RankedKeypoints]
 
 
-def gaussian_curvature(scene: DetectorInput) -> RankedKeypoints:
+def gaussian_curvature(data: DetectorInput) -> RankedKeypoints:
     """Local maxima of the Gaussian curvature averaged over the feature radius, the largest first. Not on an open border,
     where a vertex has no curvature of its own.
     """
-    mesh = scene.features.mesh
+    mesh = data.features.mesh
     on_border = topology.border_vertices(mesh.faces, len(mesh.vertices))
-    field = np.where(on_border, -np.inf, scene.features.gaussian_curvature_per_mm2)
-    return _by_maxima(scene, mesh, field)
+    field = np.where(on_border, -np.inf, data.features.gaussian_curvature_per_mm2)
+    return _by_maxima(data, mesh, field)
 
 
-def agd(scene: DetectorInput) -> RankedKeypoints:
+def agd(data: DetectorInput) -> RankedKeypoints:
     """Local maxima of the average geodesic distance: the tips of the part."""
-    areas = scene.mesh.vertex_areas_mm2()
-    return _by_maxima(scene, scene.mesh, average_geodesic(scene.mesh.vertices, areas, scene.surface))
+    areas = data.mesh.vertex_areas_mm2()
+    return _by_maxima(data, data.mesh, average_geodesic(data.mesh.vertices, areas, data.surface))
 
 
-def hks(scene: DetectorInput) -> RankedKeypoints:
+def hks(data: DetectorInput) -> RankedKeypoints:
     """Local maxima in the 2-ring of the heat kernel signature, those of the longest diffusion time first."""
-    fields = heat_kernel.signatures(scene.mesh, scene.surface.components)
-    fields[~_with_area(scene.mesh)] = -np.inf
-    near = maxima.ring(scene.mesh.faces, len(fields), rings=2)
+    fields = heat_kernel.signatures(data.mesh, data.surface.components)
+    fields[~_with_area(data.mesh)] = -np.inf
+    near = maxima.ring(data.mesh.faces, len(fields), rings=2)
     tops = np.stack([maxima.local_maxima(field, near) for field in fields.T], axis=1)
-    found = _candidates(scene.mesh, maxima.coarse_to_fine(fields, tops))
-    positions = scene.mesh.vertices.copy()
+    found = _candidates(data.mesh, maxima.coarse_to_fine(fields, tops))
+    positions = data.mesh.vertices.copy()
     for field, top in zip(
         fields.T[::-1], tops.T[::-1], strict=True
     ):  # the coarsest scale of a vertex has the last word
-        positions[top] = _between_vertices(scene, scene.mesh, field, np.flatnonzero(top))
+        positions[top] = _between_vertices(data, data.mesh, field, np.flatnonzero(top))
     return replace(found, position_mm=positions[found.vertex])
 
 
-def iss_keypoints(scene: DetectorInput) -> RankedKeypoints:
+def iss_keypoints(data: DetectorInput) -> RankedKeypoints:
     """ISS keypoints by their saliency, then the other vertices by theirs."""
-    members = np.flatnonzero(_with_area(scene.mesh))
-    found = iss.keypoints(scene.mesh.vertices[members])
-    return _candidates(scene.mesh, maxima.ranked(found.saliency, found.keypoint), members)
+    members = np.flatnonzero(_with_area(data.mesh))
+    found = iss.keypoints(data.mesh.vertices[members])
+    return _candidates(data.mesh, maxima.ranked(found.saliency, found.keypoint), members)
 
 
-def gp(scene: DetectorInput) -> RankedKeypoints:
+def gp(data: DetectorInput) -> RankedKeypoints:
     """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
-    members = np.flatnonzero(_with_area(scene.mesh))
-    points, areas = scene.mesh.vertices[members], scene.mesh.vertex_areas_mm2()
+    members = np.flatnonzero(_with_area(data.mesh))
+    points, areas = data.mesh.vertices[members], data.mesh.vertex_areas_mm2()
     weights = gp_landmarks.curvature_weights(
-        areas[members], *(curvature[members] for curvature in _curvatures(scene))
+        areas[members], *(curvature[members] for curvature in _curvatures(data))
     )
-    bandwidth = gp_landmarks.BANDWIDTH_EDGES * _mean_edge_mm(scene.mesh) * float(np.sqrt(areas.sum()))
+    bandwidth = gp_landmarks.BANDWIDTH_EDGES * _mean_edge_mm(data.mesh) * float(np.sqrt(areas.sum()))
     phi = gp_landmarks.heat_factor(points, bandwidth)
-    found = gp_landmarks.most_uncertain(phi, weights, min(SPARE * scene.count, len(members)))
+    found = gp_landmarks.most_uncertain(phi, weights, min(SPARE * data.count, len(members)))
     rest = np.setdiff1d(np.arange(len(members)), found.taken)
     rest = rest[np.lexsort((rest, -found.left[rest]))]
     variance = np.concatenate([found.variance, found.left[rest]])
     ranking = maxima.Ranking(
         np.concatenate([found.taken, rest]), variance / max(float(variance.max(initial=0)), 1e-300)
     )
-    return _candidates(scene.mesh, ranking, members)
+    return _candidates(data.mesh, ranking, members)
 
 
-def farthest(scene: DetectorInput) -> RankedKeypoints:
+def farthest(data: DetectorInput) -> RankedKeypoints:
     """Farthest-point sampling along the surface, then the other vertices by their distance to what it took."""
-    usable, areas = _with_area(scene.mesh), scene.mesh.vertex_areas_mm2()
-    found = farthest_points(scene.mesh.vertices, areas, scene.surface, SPARE * scene.count, usable)
+    usable, areas = _with_area(data.mesh), data.mesh.vertex_areas_mm2()
+    found = farthest_points(data.mesh.vertices, areas, data.surface, SPARE * data.count, usable)
     rest = np.setdiff1d(np.flatnonzero(usable), found.taken)
     rest = rest[np.lexsort((rest, -found.distance_mm[rest]))]
-    return _candidates(scene.mesh, maxima.by_turn(np.concatenate([found.taken, rest])))
+    return _candidates(data.mesh, maxima.by_turn(np.concatenate([found.taken, rest])))
 
 
-def random(scene: DetectorInput) -> RankedKeypoints:
+def random(data: DetectorInput) -> RankedKeypoints:
     """All vertices in a random order, drawn one after another by area (Efraimidis & Spirakis 2006)."""
-    members = np.flatnonzero(_with_area(scene.mesh))
-    waiting = np.random.default_rng(scene.seed).exponential(size=len(members))
-    waiting /= scene.mesh.vertex_areas_mm2()[members]
-    return _candidates(scene.mesh, maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
+    members = np.flatnonzero(_with_area(data.mesh))
+    waiting = np.random.default_rng(data.seed).exponential(size=len(members))
+    waiting /= data.mesh.vertex_areas_mm2()[members]
+    return _candidates(data.mesh, maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
 
 
 COMPETITORS: dict[Detector, Detect] = {
@@ -139,19 +139,19 @@ COMPETITORS: dict[Detector, Detect] = {
 }
 
 
-def _by_maxima(scene: DetectorInput, mesh: Mesh, field: FloatArray) -> RankedKeypoints:
+def _by_maxima(data: DetectorInput, mesh: Mesh, field: FloatArray) -> RankedKeypoints:
     field = np.where(_with_area(mesh), field, -np.inf)
     tops = maxima.local_maxima(field, maxima.ring(mesh.faces, len(field)))
     found = _candidates(mesh, maxima.ranked(field, tops))
     positions = mesh.vertices.copy()
-    positions[tops] = _between_vertices(scene, mesh, field, np.flatnonzero(tops))
+    positions[tops] = _between_vertices(data, mesh, field, np.flatnonzero(tops))
     return replace(found, position_mm=positions[found.vertex])
 
 
-def _between_vertices(scene: DetectorInput, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
+def _between_vertices(data: DetectorInput, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
     """(k, 3) maxima of the field as exactly as T^2 locates its own."""
     finite = np.where(np.isfinite(field), field, np.min(field[np.isfinite(field)], initial=0.0))
-    return peaks.located(mesh, finite, tops, REACH_RADII * scene.features.radius_mm).position_mm
+    return peaks.located(mesh, finite, tops, REACH_RADII * data.features.radius_mm).position_mm
 
 
 def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> RankedKeypoints:
@@ -171,7 +171,7 @@ def _mean_edge_mm(mesh: Mesh) -> float:
     return float(np.linalg.norm(along, axis=1).mean()) if len(ends) else 0.0
 
 
-def _curvatures(scene: DetectorInput) -> tuple[FloatArray, FloatArray]:
+def _curvatures(data: DetectorInput) -> tuple[FloatArray, FloatArray]:
     """(n,) Gaussian and mean curvature at the vertices of the working mesh."""
-    _, at = nearest(scene.features.mesh.vertices, scene.mesh.vertices)
-    return scene.features.gaussian_curvature_per_mm2[at], scene.features.mean_curvature_per_mm[at]
+    _, at = nearest(data.features.mesh.vertices, data.mesh.vertices)
+    return data.features.gaussian_curvature_per_mm2[at], data.features.mean_curvature_per_mm[at]

@@ -1,4 +1,4 @@
-"""Landmarks: the points of the surface whose features stand out (PCA, Hotelling's T^2), or a competitor's choice."""
+"""Landkeypoints: the points of the surface whose features stand out (PCA, Hotelling's T^2), or a competitor's choice."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class Scores:
 
 
 @dataclass(frozen=True, slots=True)
-class Marks:
+class Keypoints:
     """Points on a surface in order of strength. vertex : (k,) of `mesh`; position_mm : (k, 3); strength : (k,)"""
 
     mesh: Mesh
@@ -61,12 +61,15 @@ def landmarks(
     of_fine = np.arange(len(mesh.vertices)) if fine is mesh else nearest_vertices(mesh, fine.vertices)
     scores = t2_scores(features, segmentation.labels[of_fine], segmentation.halo[of_fine], settings)
     spacing_mm = settings.spacing_radii * features.radius_mm
-    found = _apart(_t2_marks(features, scores, settings), features, spacing_mm, settings)
+    found = _apart(_t2_keypoints(features, scores, settings), features, spacing_mm, settings)
     if settings.detector != "t2":
         count = settings.count or len(found.vertex)
-        scene = DetectorInput(mesh, surface, features, count, spacing_mm, seed)
+        detector_input = DetectorInput(mesh, surface, features, count, spacing_mm, seed)
         found = _apart(
-            _competitor(scene, settings), features, spacing_mm, settings.model_copy(update={"count": count})
+            _competitor(detector_input, settings),
+            features,
+            spacing_mm,
+            settings.model_copy(update={"count": count}),
         )
 
     _, to_fine = nearest(fine.vertices, mesh.vertices)
@@ -196,13 +199,13 @@ def _part_t2(features: Features, usable: BoolArray) -> FloatArray:
     return t2
 
 
-def _t2_marks(features: Features, scores: Scores, settings: LandmarksSettings) -> Marks:
+def _t2_keypoints(features: Features, scores: Scores, settings: LandmarksSettings) -> Keypoints:
     """Vertices beyond the limit, the strongest first; with `localize_radii` only maxima, and between the vertices."""
     mesh = features.mesh
     beyond = np.flatnonzero(scores.t2 > scores.limit)
     if settings.localize_radii == 0:
         order = beyond[np.lexsort((beyond, -scores.field[beyond]))]
-        return Marks(mesh, order, mesh.vertices[order], scores.field[order])
+        return Keypoints(mesh, order, mesh.vertices[order], scores.field[order])
     near = maxima.ring(mesh.faces, len(mesh.vertices))
     tops = np.intersect1d(np.flatnonzero(maxima.local_maxima(scores.field, near)), beyond)
     # the field's root: a distance in standard deviations, which a quadric fits better than its square
@@ -210,22 +213,26 @@ def _t2_marks(features: Features, scores: Scores, settings: LandmarksSettings) -
     sharp = found.sharpness * features.radius_mm**2 > settings.min_sharpness * found.value
     order = np.flatnonzero(sharp)[np.argsort(-np.round(found.value[sharp], 9), kind="stable")]
     limit = t2_limit(len(mesh.vertices), settings.confidence)
-    return Marks(mesh, tops[order], found.position_mm[order], found.value[order] ** 2 / limit)
+    return Keypoints(mesh, tops[order], found.position_mm[order], found.value[order] ** 2 / limit)
 
 
-def _competitor(scene: DetectorInput, settings: LandmarksSettings) -> Marks:
-    found = COMPETITORS[settings.detector](scene)
-    return Marks(found.mesh, found.vertex, found.position_mm, found.strength)
+def _competitor(detector_input: DetectorInput, settings: LandmarksSettings) -> Keypoints:
+    found = COMPETITORS[settings.detector](detector_input)
+    return Keypoints(found.mesh, found.vertex, found.position_mm, found.strength)
 
 
-def _apart(marks: Marks, features: Features, spacing_mm: float, settings: LandmarksSettings) -> Marks:
+def _apart(
+    keypoints: Keypoints, features: Features, spacing_mm: float, settings: LandmarksSettings
+) -> Keypoints:
     """Those away from open borders and from stronger ones, at most `settings.count`."""
-    _, at = nearest(features.mesh.vertices, marks.position_mm)
+    _, at = nearest(features.mesh.vertices, keypoints.position_mm)
     inside = np.flatnonzero(
         features.border_distance_mm[at] >= settings.border_distance_radii * features.radius_mm
     )
-    kept = inside[strongest_apart(marks.position_mm[inside], spacing_mm)][: settings.count]
-    return Marks(marks.mesh, marks.vertex[kept], marks.position_mm[kept], marks.strength[kept])
+    kept = inside[strongest_apart(keypoints.position_mm[inside], spacing_mm)][: settings.count]
+    return Keypoints(
+        keypoints.mesh, keypoints.vertex[kept], keypoints.position_mm[kept], keypoints.strength[kept]
+    )
 
 
 def _is_flat(features: Features, members: IndexArray, settings: LandmarksSettings) -> bool:

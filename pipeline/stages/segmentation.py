@@ -48,11 +48,11 @@ def segment(
     rho = geodesics.rho  # eq. 1
     if settings.kernel == "gaussian":
         rho = solver.density(d_c, geodesics.weights, gaussian=True)
-    uphill, delta = solver.nearest_denser(rho)  # eq. 2
+    nearest_denser, delta = solver.nearest_denser(rho)  # eq. 2
 
     component_area = np.bincount(solver.components, weights=areas)
     large = component_area >= settings.min_component_share * component_area.sum()
-    peaks = np.flatnonzero(uphill < 0)  # the densest vertex of each component: delta = max_j d
+    peaks = np.flatnonzero(nearest_denser < 0)  # the densest vertex of each component: delta = max_j d
     for peak in peaks:
         reach = solver.distances(int(peak))
         delta[peak] = reach[np.isfinite(reach)].max()
@@ -66,15 +66,15 @@ def segment(
     graph = DecisionGraph(
         np.where(eligible, rho, 0.0), np.where(eligible, delta, 0.0), peaks[eligible[peaks]]
     )
-    centres, labels = _centres(mesh, graph, uphill, d_c, settings)
+    centres, labels = _centres(mesh, graph, nearest_denser, d_c, settings)
     halo = density_peaks.halo(
         rho, labels, len(centres), lambda vertices: np.isfinite(solver.nearest_other(vertices, labels, d_c))
     )
-    homeless = labels < 0
-    if homeless.any():
-        _, host = nearest(mesh.vertices[~homeless], mesh.vertices[homeless])
-        labels[homeless] = labels[~homeless][host]
-        halo = halo | homeless
+    unassigned = labels < 0
+    if unassigned.any():
+        _, host = nearest(mesh.vertices[~unassigned], mesh.vertices[unassigned])
+        labels[unassigned] = labels[~unassigned][host]
+        halo = halo | unassigned
     found = Segmentation(labels, halo, rho, delta, centres, d_c)
     return found if settings.method == "cfsfdp" else clustered(mesh, found, settings, seed)
 
@@ -89,9 +89,9 @@ class DecisionGraph:
 
 
 def _centres(
-    mesh: Mesh, graph: DecisionGraph, uphill: IndexArray, d_c: float, settings: SegmentationSettings
+    mesh: Mesh, graph: DecisionGraph, nearest_denser: IndexArray, d_c: float, settings: SegmentationSettings
 ) -> tuple[IndexArray, IntArray]:
-    """Centres, largest rho * delta first, and the label of every vertex (-1: no centre uphill).
+    """Centres, largest rho * delta first, and the label of every vertex (-1: no centre above it).
 
     The user's choice first: `rho_min` / `delta_min_mm`, or the number. Else peaks joined over dense borders until each stands
     out (`prominence`), or thresholds in the decision graph.
@@ -113,7 +113,7 @@ def _centres(
         max_centres=MOST_PEAKS if joins or by_user else settings.max_centres,
         n_centres=None if joins or by_user else settings.n_centres,
     )
-    labels = density_peaks.assign(uphill, centres)
+    labels = density_peaks.assign(nearest_denser, centres)
     if not joins:
         return centres, labels
     return density_peaks.persistent_centres(

@@ -23,8 +23,9 @@ from pipeline.core.timing import silent
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
 from pipeline.studies import informativeness as paper
-from pipeline.studies import plots as study_plots
-from pipeline.studies import repeatability as again
+from pipeline.studies import informativeness_summary as paper_summary
+from pipeline.studies import plots
+from pipeline.studies import repeatability as repeat
 
 T2: Detector = "t2"
 MIN_POINTS = 3  # a rigid motion needs so many
@@ -33,7 +34,7 @@ OnShare = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Studied:
+class StudyOutcome:
     """Fields of `outcome.StudyResult`, and `write(folder)`, which writes trials.csv and study.svg."""
 
     protocol: InformativenessProtocol | RepeatabilityProtocol
@@ -44,7 +45,7 @@ class Studied:
     warnings: tuple[Note, ...]
 
 
-def study(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
+def study(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> StudyOutcome:
     """The study that `settings.study` describes, on the cleaned `mesh`.
 
     Raises
@@ -57,69 +58,71 @@ def study(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studi
     return _informativeness(mesh, settings, seed, on_share)
 
 
-def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
-    asked, warnings = settings.study, []
+def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> StudyOutcome:
+    section, warnings = settings.study, []
     on_share(0.0, "landmarks")
-    marked = _marked(mesh, settings, seed)
-    if len(marked[T2]) < MIN_POINTS and not settings.landmarks.include_halo:
+    keypoints = _keypoints(mesh, settings, seed)
+    if len(keypoints[T2]) < MIN_POINTS and not settings.landmarks.include_halo:
         # By the article's definition nearly all of an evenly triangulated arch is halo, and the paper's own count of
         # landmarks, 3 % of all vertices, cannot be without it.
-        detail = f"mesh: leaving out the halo leaves {len(marked[T2])} landmarks; the study was made with it"
+        detail = (
+            f"mesh: leaving out the halo leaves {len(keypoints[T2])} landmarks; the study was made with it"
+        )
         warnings.append(Note(code="halo_included", detail=detail))
         with_halo = settings.landmarks.model_copy(update={"include_halo": True})
-        marked = _marked(mesh, settings.model_copy(update={"landmarks": with_halo}), seed)
-    usable = {detector: points for detector, points in marked.items() if len(points) >= MIN_POINTS}
-    usable = {detector: points for detector, points in usable.items() if detector in asked.detectors}
-    told = ", ".join(f"{detector} {len(points)}" for detector, points in marked.items())
+        keypoints = _keypoints(mesh, settings.model_copy(update={"landmarks": with_halo}), seed)
+    usable = {detector: points for detector, points in keypoints.items() if len(points) >= MIN_POINTS}
+    usable = {detector: points for detector, points in usable.items() if detector in section.detectors}
+    counts = ", ".join(f"{detector} {len(points)}" for detector, points in keypoints.items())
     if not usable:
-        raise TooFewLandmarks(f"no detector gives {MIN_POINTS} points ({told})", mesh="mesh")
-    if len(usable) < len(asked.detectors):
-        detail = f"mesh: detectors with fewer than {MIN_POINTS} points are left out ({told})"
+        raise TooFewLandmarks(f"no detector gives {MIN_POINTS} points ({counts})", mesh="mesh")
+    if len(usable) < len(section.detectors):
+        detail = f"mesh: detectors with fewer than {MIN_POINTS} points are left out ({counts})"
         warnings.append(Note(code="too_few_landmarks", detail=detail))
-    trials = asked.trials or paper.DEFAULT_TRIALS
+    trials = section.trials or paper.DEFAULT_TRIALS
     found = paper.informativeness(
         mesh.vertices,
         usable,
         trials=trials,
-        noise_mm=asked.noise_mm or paper.DEFAULT_NOISE_SHARE * mesh.diagonal_mm,
-        rotation_deg=asked.rotation_deg,
+        noise_mm=section.noise_mm or paper.DEFAULT_NOISE_SHARE * mesh.diagonal_mm,
+        rotation_deg=section.rotation_deg,
         seed=seed,
         on_share=lambda share: on_share(share, f"trial {round(share * trials):,} of {trials:,}"),
     )
-    protocol, rows = paper.protocol(found), paper.rows(found)
+    protocol, rows = paper_summary.protocol(found), paper_summary.rows(found)
 
     def write(folder: Path) -> None:
-        paper.write_trials(folder / "trials.csv", found)
-        study_plots.write_informativeness(folder / "study.svg", found)
+        paper_summary.write_trials(folder / "trials.csv", found)
+        plots.write_informativeness(folder / "study.svg", found)
 
-    return Studied(protocol, rows, None, paper.in_words(protocol, rows), write, tuple(warnings))
+    return StudyOutcome(protocol, rows, None, paper_summary.summarize(protocol, rows), write, tuple(warnings))
 
 
-def _marked(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, FloatArray]:
-    """(k, 3) points of t2 and of each detector that is asked for, as many as `count` or as t2 gives."""
+def _keypoints(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, FloatArray]:
+    """(k, 3) points of t2 and of each detector that is section for, as many as `count` or as t2 gives."""
     scales = Scales.of(mesh, settings)
     found = segment_mesh(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
-    section = settings.landmarks.model_copy(
+    landmark_settings = settings.landmarks.model_copy(
         update={"count": settings.study.count or settings.landmarks.count}
     )
     return {
         detector: landmarks(
             *(working, found.distances.surface, found.segmentation, measured),
-            section.model_copy(update={"detector": detector}),
+            landmark_settings.model_copy(update={"detector": detector}),
             seed,
         ).position_mm
         for detector in dict.fromkeys((T2, *settings.study.detectors))
     }
 
 
-def _repeatability(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Studied:
-    protocol, trials = again.repeatability(mesh, settings, seed, on_share)
-    rows = again.rows(trials, mesh.diagonal_mm)
+def _repeatability(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> StudyOutcome:
+    protocol, trials = repeat.repeatability(mesh, settings, seed, on_share)
+    rows = repeat.rows(trials, mesh.diagonal_mm)
 
     def write(folder: Path) -> None:
-        again.write_trials(folder / "trials.csv", trials)
-        study_plots.write_repeatability(folder / "study.svg", protocol, rows)
+        repeat.write_trials(folder / "trials.csv", trials)
+        plots.write_repeatability(folder / "study.svg", protocol, rows)
 
-    return Studied(protocol, None, rows, again.in_words(protocol, rows), write, ())
+    return StudyOutcome(protocol, None, rows, repeat.summarize(protocol, rows), write, ())

@@ -10,25 +10,19 @@ trial is a *tie*, counted apart. Plain sums over many points round worse than ov
 nearly certain among ties, for any points: Open3D's own registration_icp gives K of about 8 for random points on an arch.
 """
 
-import csv
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
-from pipeline.core.results import InformativenessProtocol, InformativenessRow
 from pipeline.core.settings import Detector
 from pipeline.kernels import rigid
-from pipeline.kernels.copy_icp import DESCRIPTIONS, RULES, CopyIcp
-from pipeline.studies.statistics import quantiles
+from pipeline.kernels.copy_icp import RULES, CopyIcp
 
 DEFAULT_TRIALS = 10_000
 DEFAULT_NOISE_SHARE = 0.03  # of the diagonal; the paper's 2.5 mm are that on an arch
 TIE = 1e-9  # of the diagonal: rounding leaves 1e-14 of it, a wrong pair 1e-4 and more
-ABOVE = 1 + 1e-6
-CLEARLY = 3.0  # standard errors between two shares that are said to differ
 _CHUNK = 256  # trials a call of the kernel: progress in steps of a second
 
 
@@ -158,141 +152,3 @@ def _draw(
     ring = np.sqrt(1 - height**2)
     axis = np.stack([ring * np.cos(around), ring * np.sin(around), height], axis=1)
     return noise_mm * (2 * u[:, :3] - 1), axis, rotation_deg * u[:, 3]
-
-
-def protocol(study: Informativeness) -> InformativenessProtocol:
-    return InformativenessProtocol(
-        trials=len(study.angle_deg),
-        noise_mm=study.noise_mm,
-        rotation_deg=study.rotation_deg,
-        points=study.complete.points,
-        count=max((found.points for found in study.landmarks.values()), default=0),
-        icp=dict(DESCRIPTIONS),
-        tie=TIE,
-    )
-
-
-def rows(study: Informativeness) -> list[InformativenessRow]:
-    """One row a rule and detector. Shares are of all trials; quantiles of K leave ties out, `k.n` says what is left."""
-    return [_row(study, detector, rule) for rule in range(len(RULES)) for detector in study.landmarks]
-
-
-def _row(study: Informativeness, detector: Detector, rule: int) -> InformativenessRow:
-    complete, ours = study.complete.rmse_mm[:, rule], study.landmarks[detector].rmse_mm[:, rule]
-    k, tie = study.k(detector)[:, rule], study.ties(detector)[:, rule]
-    return InformativenessRow(
-        detector=detector,
-        icp=RULES[rule],
-        points=study.landmarks[detector].points,
-        share_above=float(np.mean((k > ABOVE) & ~tie)),
-        share_tie=float(np.mean(tie)),
-        share_at_least_10=float(np.mean((k >= 10) & ~tie)),
-        share_raw_above=float(np.mean(complete > ours)),
-        k=quantiles(k[~tie]),
-        rmse_complete_mm=quantiles(complete),
-        rmse_landmarks_mm=quantiles(ours),
-    )
-
-
-def write_trials(path: Path, study: Informativeness) -> None:
-    """trials.csv: a row a trial; the same study gives the same bytes."""
-    header = ["trial", "dx_mm", "dy_mm", "dz_mm", "angle_deg"]
-    columns = [*study.translation_mm.T, study.angle_deg]
-    for rule, name in enumerate(RULES):
-        header.append(f"{name}_rmse_complete_mm")
-        columns.append(study.complete.rmse_mm[:, rule])
-        for detector, found in study.landmarks.items():
-            header += [f"{name}_{detector}_rmse_landmarks_mm", f"{name}_{detector}_k"]
-            columns += [found.rmse_mm[:, rule], study.k(detector)[:, rule]]
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(header)
-        for first in range(
-            0, len(study.angle_deg), 10_000
-        ):  # a million trials as Python numbers are gigabytes
-            part = np.stack([column[first : first + 10_000] for column in columns], axis=1).tolist()
-            writer.writerows((first + number, *values) for number, values in enumerate(part))
-
-
-def in_words(asked: InformativenessProtocol, found: Sequence[InformativenessRow]) -> str:
-    """The paragraph: how often landmarks alone did better, against ties and against random points."""
-    turned = f" and turned by up to {asked.rotation_deg:g} degrees" if asked.rotation_deg > 0 else ""
-    counts = sorted({row.points for row in found})
-    opening = (
-        f"In {asked.trials:,} trials a copy of the shape was moved by up to {asked.noise_mm:.3g} mm along each axis{turned}, "
-        f"and brought back by ICP of all {asked.points:,} points and by ICP of a detector's "
-        f"{' to '.join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))} alone; K is the error of the former "
-        "over that of the latter."
-    )
-    library, converged = ([row for row in found if row.icp == rule] for rule in RULES)
-    if [_shares(row) for row in library] == [_shares(row) for row in converged]:
-        told = _told("By either rule for ending ICP", library, asked.trials)
-    else:
-        told = _told("With ICP as a library ends it", library, asked.trials)
-        told += _told("With ICP to convergence", converged, asked.trials)
-    raw = f"Counted as the paper does, K > 1 whatever the size of both errors, the share is {_listed(library, _raw)}"
-    if any(row.share_tie > 0 for row in library):
-        raw += ": in ties that compares rounding errors, which grow with the number of points summed, whatever the points"
-    return " ".join([opening, *told, f"{raw}."])
-
-
-def _told(start: str, group: Sequence[InformativenessRow], trials: int) -> list[str]:
-    """Sentences about one rule."""
-    if all(row.share_tie == 1 for row in group):
-        return [
-            f"{start}, every trial of every detector was a tie, both errors being rounding errors: this cannot tell one "
-            "detector from another, nor landmarks from the complete shape."
-        ]
-    told = [
-        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; tied, both errors being "
-        f"rounding errors, in: {_listed(group, _tie)}; and did worse in the rest."
-    ]
-    random = next((row for row in group if row.detector == "random"), None)
-    others = [row for row in group if row.detector != "random"]
-    if random is not None and others:
-        apart = {row.detector: _errors_apart(_no_worse(row), _no_worse(random), trials) for row in others}
-        told.append(
-            "Better or tied more often than random points: "
-            f"{_names(detector for detector, errors in apart.items() if errors > CLEARLY)}; less often: "
-            f"{_names(detector for detector, errors in apart.items() if errors < -CLEARLY)}; within {CLEARLY:g} standard "
-            f"errors: {_names(detector for detector, errors in apart.items() if abs(errors) <= CLEARLY)}."
-        )
-    return told
-
-
-def _errors_apart(share: float, other: float, trials: int) -> float:
-    """Difference of two shares in its standard errors, as if their trials were independent; of shared ones it is less."""
-    variance = (share * (1 - share) + other * (1 - other)) / trials
-    return (share - other) / float(np.sqrt(max(variance, 1.0 / trials**2)))
-
-
-def _above(row: InformativenessRow) -> float:
-    return row.share_above
-
-
-def _tie(row: InformativenessRow) -> float:
-    return row.share_tie
-
-
-def _raw(row: InformativenessRow) -> float:
-    return row.share_raw_above
-
-
-def _no_worse(row: InformativenessRow) -> float:
-    return row.share_above + row.share_tie
-
-
-def _shares(row: InformativenessRow) -> tuple[float, float, float]:
-    return row.share_above, row.share_tie, row.share_raw_above
-
-
-def _listed(group: Sequence[InformativenessRow], share: Callable[[InformativenessRow], float]) -> str:
-    """`98.52% (t2), 97.10% (random)`, or one figure where all have the same."""
-    values = [share(row) for row in group]
-    if len(group) > 1 and len(set(values)) == 1:
-        return f"{values[0]:.2%} with every detector"
-    return ", ".join(f"{value:.2%} ({row.detector})" for value, row in zip(values, group, strict=True))
-
-
-def _names(detectors: Iterable[Detector]) -> str:
-    return ", ".join(detectors) or "none"

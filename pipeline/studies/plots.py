@@ -13,7 +13,8 @@ from pipeline.core.results import RepeatabilityProtocol, RepeatabilityRow
 from pipeline.core.settings import Detector
 from pipeline.kernels.copy_icp import RULES
 from pipeline.report import palette
-from pipeline.studies.informativeness import ABOVE, Informativeness
+from pipeline.studies.informativeness import Informativeness
+from pipeline.studies.informativeness_summary import ABOVE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,34 +23,22 @@ from pipeline.analysis.mesh_analysis import Scales, segment_mesh
 from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import BoolArray, FloatArray, Mesh
 from pipeline.core.results import RepeatabilityProtocol, RepeatabilityRow
-from pipeline.core.settings import CleanSettings, Detector, Settings
+from pipeline.core.settings import Detector, Settings
 from pipeline.core.timing import silent
-from pipeline.kernels import remesh, rigid
+from pipeline.kernels import rigid
 from pipeline.kernels.fpfh import fpfh
 from pipeline.search.types import DescribedMesh
-from pipeline.stages.clean import clean
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
 from pipeline.stages.matching import match
-from pipeline.stages.resample import working_edge_mm
+from pipeline.studies.simulated_scan import conditions, simulate_scan
 from pipeline.studies.statistics import quantiles
 
 DEFAULT_COUNT = 20
 DEFAULT_TRIALS = 5
-SCAN_VERTICES = 8000  # of the new triangulation, give or take a quarter
 SPACING_EPS = 2.5
-CROP = 0.3
 CHANCE_DRAWS = 20
 RIGHT_SHARE = 0.01  # of the diagonal: a pose this near the truth is right
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """noise_share : standard deviation along the normal, of the diagonal; crop : share of the area cut off by a plane"""
-
-    name: str
-    noise_share: float
-    crop: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,24 +57,12 @@ class Trial:
     pose_error_mm: float | None
 
 
-def conditions(noise_share: float | None) -> tuple[Condition, ...]:
-    """What the shape goes through; with a noise of one's own, only that."""
-    if noise_share is not None:
-        given = Condition(f"noise {noise_share:.2%}", noise_share, 0.0)
-        return given, Condition(f"{given.name}, {CROP:.0%} cut off", noise_share, CROP)
-    return (
-        Condition("noise 0.1%", 0.001, 0.0),
-        Condition("noise 0.3%", 0.003, 0.0),
-        Condition(f"noise 0.1%, {CROP:.0%} cut off", 0.001, CROP),
-    )
-
-
 @dataclass(frozen=True, slots=True)
-class _Looked:
+class _Analysed:
     """One mesh analysed once, for all detectors."""
 
     side: DescribedMesh
-    marked: Mapping[Detector, LandmarkSet]
+    keypoints: Mapping[Detector, LandmarkSet]
 
 
 def repeatability(
@@ -103,7 +79,7 @@ def repeatability(
     scales = Scales.of(mesh, settings)
     spacing_mm = max(SPACING_EPS * eps_mm, settings.landmarks.spacing_radii * scales.radius_mm)
     detectors = tuple(dict.fromkeys(asked.detectors))
-    whole = _looked(mesh, detectors, count, spacing_mm, scales, settings, seed)
+    whole = _analyse(mesh, detectors, count, spacing_mm, scales, settings, seed)
 
     done: list[Trial] = []
     for c, condition in enumerate(todo):
@@ -113,11 +89,11 @@ def repeatability(
                 f"{condition.name}, trial {trial + 1} of {trials}",
             )
             rng = np.random.default_rng([seed, c, trial])
-            scan, seen, T_scan_design = scanned(mesh, condition, rng)
-            again = _looked(scan, detectors, count, spacing_mm, scales, settings, int(rng.integers(2**32)))
-            chance = _chance(whole, again, seen, T_scan_design, count, eps_mm, rng)
+            scan, seen, T_scan_design = simulate_scan(mesh, condition, rng)
+            again = _analyse(scan, detectors, count, spacing_mm, scales, settings, int(rng.integers(2**32)))
+            chance = _chance_level(whole, again, seen, T_scan_design, count, eps_mm, rng)
             for detector in detectors:
-                found = _compared(whole, again, detector, seen, T_scan_design, count, eps_mm)
+                found = _compare(whole, again, detector, seen, T_scan_design, count, eps_mm)
                 error = _pose_error_mm(whole, again, detector, scan, T_scan_design, scales, settings, seed)
                 share, points, visible = found
                 done.append(Trial(condition.name, trial, detector, share, chance, points, visible, error))
@@ -164,7 +140,7 @@ def write_trials(path: Path, trials: Sequence[Trial]) -> None:
             writer.writerow(["" if value is None else value for value in values])
 
 
-def in_words(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow]) -> str:
+def summarize(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow]) -> str:
     """The paragraph: who is found again how often, against chance, and what pose comes of it."""
     first = [row for row in found if row.condition == protocol.conditions[0]]
     best = max(first, key=lambda row: row.mean)
@@ -184,41 +160,7 @@ def in_words(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow])
     )
 
 
-def scanned(
-    mesh: Mesh, condition: Condition, rng: np.random.Generator
-) -> tuple[Mesh, Callable[[FloatArray], BoolArray], FloatArray]:
-    """A scan of the shape, which points (k, 3) of the shape it shows, and T_scan_design.
-
-    The shape is turned before it is remeshed, so that no two trials share triangles; noise is normal, along the normals.
-    """
-    T_scan_design = _random_motion(rng, mesh.diagonal_mm)
-    moved = mesh.moved(T_scan_design)
-    area = float(mesh.face_areas_mm2().sum())
-    copy = remesh.isotropic(moved, working_edge_mm(area, int(rng.uniform(0.75, 1.25) * SCAN_VERTICES)), 4)
-    copy = clean(copy, "scan", CleanSettings()).mesh
-    noise = rng.normal(0.0, condition.noise_share * mesh.diagonal_mm, len(copy.vertices))
-    noisy = copy.vertices + noise[:, None] * copy.vertex_normals()
-    direction = rng.normal(size=3)
-    along = copy.vertices @ direction
-    least = float(np.quantile(along, condition.crop)) if condition.crop > 0 else -np.inf
-    scan = clean(
-        Mesh(noisy, copy.faces[(along >= least)[copy.faces].all(axis=1)]), "scan", CleanSettings()
-    ).mesh
-
-    def seen(points: FloatArray) -> BoolArray:
-        return np.asarray(rigid.transformed(T_scan_design, points) @ direction >= least)
-
-    return scan, seen, T_scan_design
-
-
-def _random_motion(rng: np.random.Generator, size_mm: float) -> FloatArray:
-    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
-    q = q * np.sign(np.diag(r))
-    q[:, 0] *= np.linalg.det(q)
-    return rigid.compose(q, rng.uniform(-size_mm, size_mm, 3))
-
-
-def _looked(
+def _analyse(
     mesh: Mesh,
     detectors: Sequence[Detector],
     count: int,
@@ -226,14 +168,14 @@ def _looked(
     scales: Scales,
     settings: Settings,
     seed: int,
-) -> _Looked:
+) -> _Analysed:
     found = segment_mesh(mesh, "mesh", scales, settings, silent(), seed, fine=True)
     working = found.resampled.mesh
     measured = features(found.resampled.fine or working, scales.radius_mm, settings.features)
     section = settings.landmarks.model_copy(
         update={"count": count, "spacing_radii": spacing_mm / scales.radius_mm}
     )
-    marked = {
+    keypoints = {
         detector: landmarks(
             *(working, found.distances.surface, found.segmentation, measured),
             section.model_copy(update={"detector": detector}),
@@ -242,13 +184,13 @@ def _looked(
         for detector in detectors
     }
     support_mm = settings.matching.descriptor_radius_lengths * settings.matching.length_share * scales.size_mm
-    one = next(iter(marked.values()))
-    return _Looked(DescribedMesh(working, one, fpfh(working, support_mm)), marked)
+    one = next(iter(keypoints.values()))
+    return _Analysed(DescribedMesh(working, one, fpfh(working, support_mm)), keypoints)
 
 
-def _compared(
-    whole: _Looked,
-    again: _Looked,
+def _compare(
+    whole: _Analysed,
+    again: _Analysed,
     detector: Detector,
     seen: Callable[[FloatArray], BoolArray],
     T_scan_design: FloatArray,
@@ -256,7 +198,7 @@ def _compared(
     eps_mm: float,
 ) -> tuple[float, float, float]:
     """repeatability, points, visible : see `Trial`."""
-    first, second = whole.marked[detector].position_mm, again.marked[detector].position_mm
+    first, second = whole.keypoints[detector].position_mm, again.keypoints[detector].position_mm
     visible_area = float(
         np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2())
     )
@@ -267,9 +209,9 @@ def _compared(
     return pairs_within(shown, back, eps_mm) / max(visible, 1.0), (len(first) + len(second)) / 2, visible
 
 
-def _chance(
-    whole: _Looked,
-    again: _Looked,
+def _chance_level(
+    whole: _Analysed,
+    again: _Analysed,
     seen: Callable[[FloatArray], BoolArray],
     T_scan_design: FloatArray,
     count: int,
@@ -279,13 +221,13 @@ def _chance(
     """What `count` points drawn by area on either mesh reach, on average over some draws."""
     shares = []
     for _ in range(CHANCE_DRAWS):
-        first, second = (_drawn(side.side.mesh, count, rng) for side in (whole, again))
+        first, second = (_random_points(side.side.mesh, count, rng) for side in (whole, again))
         shown, back = first[seen(first)], rigid.transformed(rigid.inverse(T_scan_design), second)
         shares.append(pairs_within(shown, back, eps_mm) / max(len(shown), 1))
     return float(np.mean(shares))
 
 
-def _drawn(mesh: Mesh, count: int, rng: np.random.Generator) -> FloatArray:
+def _random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> FloatArray:
     areas = mesh.vertex_areas_mm2()
     return mesh.vertices[rng.choice(len(areas), min(count, len(areas)), replace=False, p=areas / areas.sum())]
 
@@ -300,8 +242,8 @@ def pairs_within(first: FloatArray, second: FloatArray, eps_mm: float) -> int:
 
 
 def _pose_error_mm(
-    whole: _Looked,
-    again: _Looked,
+    whole: _Analysed,
+    again: _Analysed,
     detector: Detector,
     scan: Mesh,
     T_scan_design: FloatArray,
@@ -311,8 +253,8 @@ def _pose_error_mm(
 ) -> float | None:
     """RMS displacement of the scan's vertices under the fit of matched landmarks; hypotheses from landmark pairs only."""
     design, other = (
-        DescribedMesh(looked.side.mesh, looked.marked[detector], looked.side.descriptors)
-        for looked in (whole, again)
+        DescribedMesh(analysed.side.mesh, analysed.keypoints[detector], analysed.side.descriptors)
+        for analysed in (whole, again)
     )
     if min(len(design.landmarks.vertex), len(other.landmarks.vertex)) < 3:
         return None

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid, sampling
-from pipeline.kernels.observability import Observability, motion_about, effective_count, observe
+from pipeline.kernels.observability import Observability, effective_count, motion_about, observe
 from pipeline.kernels.surface import Surface
 from tests.support import shapes
 

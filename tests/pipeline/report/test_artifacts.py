@@ -17,7 +17,8 @@ from pipeline.core.results import MadeBy, Note, RegistrationResult
 from pipeline.kernels.remesh import MANY_FACES
 from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh, write_glb
-from pipeline.report.page import legend, views_of
+from pipeline.report.page import render_views
+from pipeline.report.sections import legend
 from tests.support.meshes import blob_stl
 from tests.support.settings import FAST as SMALL
 from tests.support.shapes import icosphere
@@ -180,7 +181,7 @@ def test_the_page_says_the_size_of_both_in_one_frame(made: tuple[Path, Registrat
 
 def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_caption_says_how_wide_the_picture_is() -> None:
     ball, design = icosphere(10.0, 4), icosphere(2.0, 2)
-    for caption, data in views_of(ball, np.zeros((len(ball.vertices), 3)), design, count=4):
+    for caption, data in render_views(ball, np.zeros((len(ball.vertices), 3)), design, count=4):
         image = np.asarray(Image.open(BytesIO(data)).convert("L"))
         rim = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
         assert (rim == 255).all() and (image < 255).any()

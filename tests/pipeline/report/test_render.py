@@ -43,7 +43,7 @@ def test_a_mark_is_a_dot_and_a_hidden_one_is_not() -> None:
     ball = icosphere(10.0, 4)
     white = np.ones((len(ball.vertices), 3))
     for z, dots in ((10.0, True), (-10.0, False)):
-        image = pixels(picture(ball, white, TOP, ball.vertices, 100, 100, marks_mm=np.array([[0, 0, z]])))
+        image = pixels(picture(ball, white, TOP, ball.vertices, 100, 100, landmarks_mm=np.array([[0, 0, z]])))
         assert bool(np.abs(image[50, 50] - DOT_COLOUR).max() < 0.05) == dots
 
 

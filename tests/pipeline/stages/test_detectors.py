@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.stages.detectors import COMPETITORS, RankedKeypoints, DetectorInput
+from pipeline.stages.detectors import COMPETITORS, DetectorInput, RankedKeypoints
 from pipeline.stages.features import features
 from tests.support import shapes
 

@@ -13,7 +13,8 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import ResampleSettings, SegmentationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
-from pipeline.studies.repeatability import Condition, pairs_within, repeatability, rows, scanned
+from pipeline.studies.repeatability import pairs_within, repeatability, rows
+from pipeline.studies.simulated_scan import Condition, simulate_scan
 from tests.support import shapes
 from tests.support.scans import save
 
@@ -38,7 +39,7 @@ def test_pairs_are_one_to_one_and_as_many_as_possible() -> None:
 @pytest.mark.parametrize("crop", [0.0, 0.3])
 def test_a_scan_is_the_shape_moved_with_its_noise_and_crop(crop: float) -> None:
     blob = shapes.bumpy_blob(4)
-    scan, seen, T_scan_design = scanned(blob, Condition("", 0.001, crop), np.random.default_rng(0))
+    scan, seen, T_scan_design = simulate_scan(blob, Condition("", 0.001, crop), np.random.default_rng(0))
     back = scan.moved(rigid.inverse(T_scan_design))
     distance = Surface(blob).closest(back.vertices).distance
     assert np.sqrt((distance**2).mean()) == pytest.approx(0.001 * blob.diagonal_mm, rel=0.2)

@@ -14,15 +14,8 @@ from pipeline.core.settings import Detector, StudySettings
 from pipeline.kernels import rigid
 from pipeline.studies import informativeness as study_module
 from pipeline.studies import plots as study_plots
-from pipeline.studies.informativeness import (
-    Informativeness,
-    Registered,
-    in_words,
-    informativeness,
-    protocol,
-    rows,
-    write_trials,
-)
+from pipeline.studies.informativeness import Informativeness, Registered, informativeness
+from pipeline.studies.informativeness_summary import protocol, rows, summarize, write_trials
 from tests.support import shapes
 
 BLOB = shapes.bumpy_blob(3).vertices + np.array([100.0, -50.0, 20.0])
@@ -110,7 +103,7 @@ def test_small_shifts_are_undone_whatever_the_points_and_count_as_ties() -> None
         assert row.rmse_complete_mm.p95 < 1e-11
         assert 0.0 <= row.share_raw_above <= 1.0
     assert (study.complete.iterations == 1).all()
-    words = in_words(protocol(study), rows(study))
+    words = summarize(protocol(study), rows(study))
     assert "every trial of every detector was a tie" in words
     assert "rounding errors" in words
 
@@ -184,14 +177,14 @@ def test_counts_by_hand() -> None:
 def test_words_compare_with_random_points() -> None:
     good, bad = [0.01] * 900 + [5.0] * 100, [0.01] * 500 + [5.0] * 500
     study = made([1.0] * 1000, {"t2": good, "iss": bad, "hks": bad, "random": bad})
-    words = in_words(protocol(study), rows(study))
+    words = summarize(protocol(study), rows(study))
     assert "In 1,000 trials" in words
     assert "3 mm" in words
     assert "turned" not in words
     assert "90.00% (t2), 50.00% (iss)" in words
     assert "more often than random points: t2; less often: none; within 3 standard errors: iss, hks" in words
     turned = made([1.0] * 4, {"t2": [2.0] * 4}, rotation_deg=12.0)
-    words = in_words(protocol(turned), rows(turned))
+    words = summarize(protocol(turned), rows(turned))
     assert "turned by up to 12 degrees" in words
     assert "random" not in words
 
