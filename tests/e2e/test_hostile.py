@@ -13,6 +13,7 @@ from service.contract.errors import TABLE
 from service.contract.schemas import Status
 from tests.support.broken_meshes import cases
 from tests.support.running import QUICK, RunningService
+from tests.support.settings import TINY
 
 pytestmark = pytest.mark.e2e
 MIB = 1024 * 1024
@@ -61,7 +62,7 @@ def test_broken_meshes_are_refused_or_fail_with_a_reason_and_the_next_job_runs(
         path = tmp_path / f"{number}.{ending}"
         path.write_bytes(content)
         try:
-            ids.append(running.client.submit(path, options=QUICK, job_type="landmarks").id)
+            ids.append(running.client.submit(path, options={"settings": TINY}, job_type="landmarks").id)
         except ServiceProblem as error:
             refused.append(error.problem)
     jobs = [running.finish(job_id) for job_id in ids]

@@ -11,6 +11,8 @@ FAST: dict[str, Any] = {
     "matching": {"max_hypotheses": 8, "dense_pairs": False, "sample_points": 500},
     "registration": {"sample_points": 1000},
 }
+#: For tests that only ask whether a mesh gets through.
+TINY: dict[str, Any] = {"resample": {"target_vertices": 200}, "features": {"target_vertices": 200}}
 #: For tests that judge the method on shapes by formula: nothing is left out, only the meshes are coarser. Tests take
 #: the default settings where the defaults themselves are judged.
 COARSE = Settings.model_validate(

@@ -15,7 +15,7 @@ from service.cli.main import app as cli
 from service.execution.supervisor import prepare
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.support.service import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, http_client
 
 pytestmark = pytest.mark.storages
 
@@ -41,7 +41,7 @@ def bearer(key: str) -> dict[str, str]:
 
 def as_tenant(service: Service, keys: KeyStore, tenant: str, scopes: list[Scope] = BOTH) -> httpx.Client:
     _, key = keys.create(tenant, scopes)
-    return httpx.Client(base_url=service.http.base_url, headers=bearer(key), timeout=30)
+    return http_client(str(service.http.base_url), headers=bearer(key))
 
 
 def submitted(http: httpx.Client) -> httpx.Response:
@@ -207,7 +207,7 @@ def test_what_was_there_before_tenants_is_the_open_services(tmp_path: Path) -> N
     path = tmp_path / "cusp.db"
     engine = open_database(f"sqlite:///{path}")
     config = Config()
-    config.set_main_option("script_location", "service:migrations")
+    config.set_main_option("script_location", "service.storage:migrations")
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, "0001")
