@@ -17,7 +17,7 @@ from tests.support.settings import TINY
 
 pytestmark = pytest.mark.e2e
 MIB = 1024 * 1024
-MUTATED = 24
+MUTATED = 12
 REASONS = {vars(error)["code"] for error in TABLE if issubclass(error, PipelineError)}
 
 

@@ -10,7 +10,14 @@ from pipeline.core.timing import silent
 from pipeline.stages.clean import Cleaned
 from pipeline.stages.load import Loaded
 
+_KNOWN: dict[bytes, Design] = {}
+
 
 def design_of(mesh: Mesh, settings: Settings) -> Design:
-    cleaned = Cleaned(mesh, np.arange(len(mesh.vertices)), {})
-    return known(Loaded(mesh, Format.PLY, "mm", 1.0, ""), cleaned, "", settings, silent(), 0)
+    """What is known of a design; the same mesh and settings are analysed once a process."""
+    key = mesh.vertices.tobytes() + mesh.faces.tobytes() + settings.model_dump_json().encode()
+    if key not in _KNOWN:
+        cleaned = Cleaned(mesh, np.arange(len(mesh.vertices)), {})
+        loaded = Loaded(mesh, Format.PLY, "mm", 1.0, "")
+        _KNOWN[key] = known(loaded, cleaned, "", settings, silent(), 0)
+    return _KNOWN[key]

@@ -91,7 +91,7 @@ def test_a_brick_has_its_four_rotations_and_no_reflection() -> None:
     assert [round(rigid.angle_deg(each)) for each in found.others] == [180, 180, 180]
 
 
-@pytest.mark.parametrize("sides", [3, 5, 6])
+@pytest.mark.parametrize("sides", [3, pytest.param(5, marks=pytest.mark.nightly), 6])
 def test_a_prism_turns_over_too(sides: int) -> None:
     """n turns about its axis, and n half turns about axes across it, at angles that no principal axis tells."""
     angle = 2 * np.pi * np.arange(sides) / sides + 0.3
