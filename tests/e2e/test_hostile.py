@@ -1,4 +1,6 @@
-"""Files that mean harm, from the request to the end of the job: each is refused or fails with its reason, and the next runs."""
+"""Files that mean harm, from the request to the end of the job: each is refused or fails with its reason, and
+the next runs.
+"""
 
 import io
 import struct

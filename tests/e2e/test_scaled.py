@@ -1,4 +1,6 @@
-"""Many machines, as far as processes can be machines: one API and two workers on one PostgreSQL and one S3."""
+"""Many machines, as far as processes can be machines: one API and two workers on one PostgreSQL and one
+S3.
+"""
 
 import subprocess
 import sys
@@ -77,7 +79,9 @@ def test_a_stopped_workers_job_goes_to_another_at_once(
 def test_a_worker_that_was_paused_publishes_nothing_when_it_comes_back(
     scaled: ScaledService, design: Path, scan: Path, s3: S3, tmp_path: Path
 ) -> None:
-    """Its machine slept. Meanwhile the job was handed on and finished; its own child finished too, and waits to be heard."""
+    """Its machine slept. Meanwhile the job was handed on and finished; its own child finished too, and waits
+    to be heard.
+    """
     job_id = scaled.client.submit(design, scan, SLOWER).id
     victim = scaled.busy()
     victim.suspend()

@@ -23,7 +23,9 @@ def _folder() -> Path:
 def register(
     design: Path, scan: Path | MeshFile, *, settings: Settings | None = None, seed: int = 0, **given: Any
 ) -> RegistrationResult:
-    """As `pipeline.register`, which gives the same with a kept design (`tests/pipeline/analysis/test_design_model.py`)."""
+    """As `pipeline.register`, which gives the same with a kept design
+    (`tests/pipeline/analysis/test_design_model.py`).
+    """
     made_of = design.read_bytes() + (settings or Settings()).model_dump_json().encode() + str(seed).encode()
     kept = _folder() / f"{hashlib.sha256(made_of).hexdigest()}.npz"
     return pipeline.register(design, scan, settings=settings, seed=seed, design_cache=kept, **given)

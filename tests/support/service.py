@@ -1,5 +1,6 @@
-"""One service in this process: real tables and blobs in a temporary folder, a queue that only takes notes, and a
-worker that runs a job when the test says so."""
+"""One service in this process: real tables and blobs in a temporary folder, a queue that only takes notes,
+and a worker that runs a job when the test says so.
+"""
 
 import asyncio
 import socket
@@ -124,7 +125,9 @@ def spoil(service: Service, job_id: str, **values: str) -> None:
 
 
 class _Server(uvicorn.Server):
-    """A server that begins and ends at once: uvicorn's own looks every 0.1 s whether it should, twice a test."""
+    """A server that begins and ends at once: uvicorn's own looks every 0.1 s whether it should, twice a
+    test.
+    """
 
     def stop_soon(self) -> None:
         """From another thread."""

@@ -1,5 +1,5 @@
-"""Meshes that no one should send, but someone does: a verdict or a clear error, never an exception text, never the
-identity as an answer.
+"""Meshes that no one should send, but someone does: a verdict or a clear error, never an exception text,
+never the identity as an answer.
 """
 
 from pathlib import Path

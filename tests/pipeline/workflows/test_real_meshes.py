@@ -1,4 +1,6 @@
-"""The main job on real meshes: arches against moved, re-triangulated, noisy copies, and real depth-camera pairs."""
+"""The main job on real meshes: arches against moved, re-triangulated, noisy copies, and real depth-camera
+pairs.
+"""
 
 import json
 from pathlib import Path
@@ -75,7 +77,9 @@ def test_a_plate_of_eleven_parts_is_analysed(data: Path) -> None:
     "name", ["001C", "012C", *(pytest.param(name, marks=NIGHTLY) for name in ("013C", "022C"))]
 )
 def test_one_tooth_one_segment(name: str, data: Path) -> None:
-    """Adjusted Rand index over the tooth vertices, and a centre on every tooth; K-means reaches 0.55 to 0.66."""
+    """Adjusted Rand index over the tooth vertices, and a centre on every tooth; K-means reaches 0.55 to
+    0.66.
+    """
     arch = data / "dental" / f"arch_{name}.ply"
     found = score(arch, tooth_of_vertex(arch), Settings())
     assert found.index > 0.75

@@ -1,4 +1,5 @@
-"""Requests made from the OpenAPI document, valid and not: every answer is one that the document names, none is a 5xx.
+"""Requests made from the OpenAPI document, valid and not: every answer is one that the document names, none
+is a 5xx.
 
 A few requests an address in a plain run; `CUSP_TEST_NIGHTLY=1` makes forty times as many.
 """
@@ -48,7 +49,8 @@ schema = schemathesis.openapi.from_dict(document)
 schema.config.phases.coverage.enabled = False  # it cannot make the form: "Unsupported type: Binary"
 
 
-#: The same by the book: each bound of each parameter, from both sides. Of all but the form, which it cannot make.
+#: The same by the book: each bound of each parameter, from both sides. Of all but the form, which it cannot
+#: make.
 covered = schemathesis.openapi.from_dict(document).exclude(path="/v1/jobs", method="POST")
 covered.config.phases.coverage.enabled = True
 covered.config.phases.fuzzing.enabled = False

@@ -1,4 +1,6 @@
-"""A database or a store that is away: every address says `not_ready`, with when to ask again, and no stack in the log."""
+"""A database or a store that is away: every address says `not_ready`, with when to ask again, and no stack in
+the log.
+"""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,6 @@
-"""Keys: who holds one may do what it says, to what is their tenant's, and nobody learns that there is more."""
+"""Keys: who holds one may do what it says, to what is their tenant's, and nobody learns that there is
+more.
+"""
 
 import json
 from collections.abc import Iterator
@@ -214,7 +216,8 @@ def test_what_was_there_before_tenants_is_the_open_services(tmp_path: Path) -> N
         connection.execute(text("INSERT INTO blobs VALUES ('sha256:a', 3, 'stl', 1)"))
         connection.execute(
             text(
-                "INSERT INTO jobs (id, type, status, progress, inputs, options, attempt, crashes, created_ms) "
+                "INSERT INTO jobs (id, type, status, progress, inputs, options, attempt, crashes, "
+                "created_ms) "
                 "VALUES ('j', 'registration', 'accepted', 0, '{}', '{}', 0, 0, 1)"
             )
         )

@@ -1,4 +1,6 @@
-"""A service without keys answers this machine, and no page of the web that a browser on this machine shows."""
+"""A service without keys answers this machine, and no page of the web that a browser on this machine
+shows.
+"""
 
 from collections.abc import Iterator
 

@@ -1,8 +1,9 @@
-"""Meshes broken in every way: each job ends with a result or with a reason that names the mesh, and the next job runs.
+"""Meshes broken in every way: each job ends with a result or with a reason that names the mesh, and the next
+job runs.
 
-Real files of every format, bytes of which are changed, cut, doubled or replaced by numbers that break programs; through
-the API's look at an upload and through the child process with the real parsers. A few of each format in a plain run,
-2,400 at night.
+Real files of every format, bytes of which are changed, cut, doubled or replaced by numbers that break
+programs; through the API's look at an upload and through the child process with the real parsers. A few of
+each format in a plain run, 2,400 at night.
 """
 
 from collections import Counter
