@@ -12,7 +12,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test nightly servers check format bench image-test openapi clean
+.PHONY: help setup demo serve test nightly coverage servers check format bench image-test openapi clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -43,11 +43,17 @@ demo: $(READY) ## register a dental arch by formula to its "print", through the 
 serve: $(READY) ## start the service on HOST:PORT
 	$(BIN)/cusp up --host $(HOST) --port $(PORT)
 
-test: $(READY) servers ## all tests; those marked `data` need CUSP_DATA
-	$(BIN)/python -m pytest
+# Compiled tests are kept for the next worker, and solvers take one thread: two workers share two cores.
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=20
 
-nightly: $(READY) servers ## the hostile tests at length: 2,400 broken meshes, 300 requests an address
-	CUSP_TEST_NIGHTLY=1 $(BIN)/python -m pytest --timeout 3600 tests/service/execution/test_malformed_meshes.py tests/service/api/test_contract.py
+test: $(READY) servers ## all tests but the nightly ones; those marked `data` need CUSP_DATA
+	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
+
+nightly: $(READY) servers ## the long tests: 2,400 broken meshes, 300 requests an address, every kill and restart
+	CUSP_TEST_NIGHTLY=1 $(PYTEST) -m nightly --timeout 3600
+
+coverage: $(READY) servers ## the tests of `make test` in one process, with the coverage of both packages
+	$(PYTEST) --cov=pipeline --cov=service --cov-report=term
 
 servers: # PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
 	@if command -v chromium >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

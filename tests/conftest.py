@@ -1,12 +1,17 @@
-"""Where the real meshes are, for the tests marked `data`, and servers for those that ask for them."""
+"""What holds for all tests, real meshes for those marked `data`, and servers for those that ask for them."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from tests.support.data import data_folder
 from tests.support.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
+
+# How long an example takes says how busy the machine is. A test that hangs is ended by pytest-timeout.
+hypothesis.settings.register_profile("tests", deadline=None)
+hypothesis.settings.load_profile("tests")
 
 
 @pytest.fixture(scope="session")

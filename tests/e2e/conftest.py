@@ -24,7 +24,7 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService]:
     service = RunningService(tmp_path_factory.mktemp("service") / "data", CUSP_JOBS="1")
     yield service

@@ -22,8 +22,8 @@ BUSY = b"HTTP/1.1 503 Busy\r\nRetry-After: 0\r\nContent-Length: 4\r\nConnection:
 
 @contextmanager
 def bad_line(port: int, faults: list[str]) -> Iterator[str]:
-    """The address of a proxy to the service. The first connections meet `faults`: "lost": the service answers and nobody
-    hears it; "busy": the proxy itself answers 503.
+    """The address of a proxy to the service. The first connections meet `faults`: "lost": the service answers
+    and nobody hears it; "busy": the proxy itself answers 503.
     """
     listener = socket.create_server(("127.0.0.1", 0))
 

@@ -1,4 +1,6 @@
-"""Files that mean harm, from the request to the end of the job: each is refused or fails with its reason, and the next runs."""
+"""Files that mean harm, from the request to the end of the job: each is refused or fails with its reason, and
+the next runs.
+"""
 
 import io
 import struct
@@ -13,10 +15,11 @@ from service.contract.errors import TABLE
 from service.contract.schemas import Status
 from tests.support.broken_meshes import cases
 from tests.support.running import QUICK, RunningService
+from tests.support.settings import TINY
 
 pytestmark = pytest.mark.e2e
 MIB = 1024 * 1024
-MUTATED = 24
+MUTATED = 12
 REASONS = {vars(error)["code"] for error in TABLE if issubclass(error, PipelineError)}
 
 
@@ -61,7 +64,7 @@ def test_broken_meshes_are_refused_or_fail_with_a_reason_and_the_next_job_runs(
         path = tmp_path / f"{number}.{ending}"
         path.write_bytes(content)
         try:
-            ids.append(running.client.submit(path, options=QUICK, job_type="landmarks").id)
+            ids.append(running.client.submit(path, options={"settings": TINY}, job_type="landmarks").id)
         except ServiceProblem as error:
             refused.append(error.problem)
     jobs = [running.finish(job_id) for job_id in ids]

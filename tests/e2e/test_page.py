@@ -369,7 +369,10 @@ def test_one_mesh_becomes_segments_and_landmarks(
 
 
 def test_a_study_is_shown(watched: Watched, design: Path, running: RunningService) -> None:
-    options = '{"study": {"trials": 20, "detectors": ["t2", "random"]}, "settings": {"resample": {"target_vertices": 400}}}'
+    options = (
+        '{"study": {"trials": 20, "detectors": ["t2", "random"]}, '
+        '"settings": {"resample": {"target_vertices": 400}}}'
+    )
     files = {"mesh": ("part.stl", design.read_bytes())}
     given = {"type": "study", "options": options}
     job = running.successful(
@@ -496,7 +499,8 @@ def test_a_tablet_has_room_for_fingers(browser: Browser, running: RunningService
         small = page.evaluate(
             """(least) => {
                 const ticked = 'input[type=radio], input[type=checkbox]';
-                return [...document.querySelectorAll(`button, select, input, summary, a, label:has(${ticked})`)]
+                const all = `button, select, input, summary, a, label:has(${ticked})`
+                return [...document.querySelectorAll(all)]
                     .filter((each) => each.offsetParent && !each.matches(ticked))
                     .filter((each) => each.getBoundingClientRect().height < least - 0.5)
                     .map((each) => each.outerHTML.slice(0, 80));

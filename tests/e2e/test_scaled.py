@@ -1,4 +1,6 @@
-"""Many machines, as far as processes can be machines: one API and two workers on one PostgreSQL and one S3."""
+"""Many machines, as far as processes can be machines: one API and two workers on one PostgreSQL and one
+S3.
+"""
 
 import subprocess
 import sys
@@ -31,7 +33,7 @@ def scaled(tmp_path_factory: pytest.TempPathFactory, postgres: Postgres, s3: S3)
 def test_both_workers_take_jobs_and_the_results_are_everywhere(
     scaled: ScaledService, design: Path, scan: Path, s3: S3
 ) -> None:
-    ids = [scaled.client.submit(design, scan, QUICK).id for _ in range(6)]
+    ids = [scaled.client.submit(design, scan, QUICK).id for _ in range(4)]
     for job_id in ids:
         assert scaled.client.wait(job_id, timeout_s=90).status is Status.SUCCESSFUL, scaled.log.read_text()
     documents = [scaled.client.results(job_id) for job_id in ids]
@@ -46,6 +48,7 @@ def test_both_workers_take_jobs_and_the_results_are_everywhere(
     assert workers == {"worker-0", "worker-1"}
 
 
+@pytest.mark.nightly
 def test_a_killed_workers_job_is_finished_by_another_within_30_s(
     scaled: ScaledService, design: Path, scan: Path
 ) -> None:
@@ -72,10 +75,13 @@ def test_a_stopped_workers_job_goes_to_another_at_once(
     scaled.replace(victim)
 
 
+@pytest.mark.nightly
 def test_a_worker_that_was_paused_publishes_nothing_when_it_comes_back(
     scaled: ScaledService, design: Path, scan: Path, s3: S3, tmp_path: Path
 ) -> None:
-    """Its machine slept. Meanwhile the job was handed on and finished; its own child finished too, and waits to be heard."""
+    """Its machine slept. Meanwhile the job was handed on and finished; its own child finished too, and waits
+    to be heard.
+    """
     job_id = scaled.client.submit(design, scan, SLOWER).id
     victim = scaled.busy()
     victim.suspend()
@@ -92,6 +98,7 @@ def test_a_worker_that_was_paused_publishes_nothing_when_it_comes_back(
     assert {scaled.client.wait(each, timeout_s=90).status for each in after} == {Status.SUCCESSFUL}
 
 
+@pytest.mark.nightly
 def test_a_restart_of_the_database_costs_no_attempt(
     scaled: ScaledService, design: Path, scan: Path, postgres: Postgres
 ) -> None:

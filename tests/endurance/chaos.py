@@ -1,10 +1,12 @@
-"""A hundred jobs while a worker, the API or everything is killed with -9 at random moments: `python -m tests.endurance.chaos`
+"""A hundred jobs while a worker, the API or everything is killed with -9 at random moments: `python -m
+tests.endurance.chaos`
 
-On SQLite and files it is `cusp up`; on PostgreSQL and S3 an API and two workers. The kills come from a thread of their own, so
-that requests are cut in flight. Every job is sent with an `Idempotency-Key` and sent again until an answer came, as a careful
-client does. After the last kill the rest is done in peace. At the end: one job a key, each final, each with the results of one
-attempt, every file with the digest that its list tells, and a trigger in the database has counted how often each became final.
-A job that three workers died of has failed, with that as its reason.
+On SQLite and files it is `cusp up`; on PostgreSQL and S3 an API and two workers. The kills come from a thread
+of their own, so that requests are cut in flight. Every job is sent with an `Idempotency-Key` and sent again
+until an answer came, as a careful client does. After the last kill the rest is done in peace. At the end: one
+job a key, each final, each with the results of one attempt, every file with the digest that its list tells,
+and a trigger in the database has counted how often each became final. A job that three workers died of has
+failed, with that as its reason.
 """
 
 import argparse
@@ -38,7 +40,8 @@ GIVE_UP_S = 1200
 AUDIT = {
     "sqlite": [
         "CREATE TABLE audit (id TEXT, status TEXT)",
-        "CREATE TRIGGER note AFTER UPDATE OF status ON jobs WHEN NEW.status IN ('successful', 'failed', 'dismissed') "
+        "CREATE TRIGGER note AFTER UPDATE OF status ON jobs "
+        "WHEN NEW.status IN ('successful', 'failed', 'dismissed') "
         "BEGIN INSERT INTO audit VALUES (NEW.id, NEW.status); END",
     ],
     "postgresql": [
@@ -151,13 +154,17 @@ class Killer:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """No more; raises nothing of what went wrong in the thread: the service would not come back, and that is seen."""
+        """No more; raises nothing of what went wrong in the thread: the service would not come back, and that
+        is seen.
+        """
         self._end.set()
         self._thread.join()
 
 
 class Orders:
-    """What a careful client sends: each order under a key of its own, again until an answer came, and some once more later."""
+    """What a careful client sends: each order under a key of its own, again until an answer came, and some
+    once more later.
+    """
 
     def __init__(self, victim: Victim, design: bytes, scan: bytes) -> None:
         self._victim = victim

@@ -1,7 +1,8 @@
 """How the service bears load: `python -m tests.endurance.load`
 
-Polling at a fixed rate while jobs keep both cores busy; a 300 MB upload; 10,000 waiting jobs listed, paged and dismissed; 1,000
-small jobs done. The load comes from this process, on the same cores: its own share is in the table.
+Polling at a fixed rate while jobs keep both cores busy; a 300 MB upload; 10,000 waiting jobs listed, paged
+and dismissed; 1,000 small jobs done. The load comes from this process, on the same cores: its own share is in
+the table.
 """
 
 import argparse
@@ -40,7 +41,9 @@ SMALL = {
 
 
 async def poll(port: int, path: str, rate: float, seconds: float) -> list[float]:
-    """Latencies, from when each request was due: a server that is late is not excused (no coordinated omission)."""
+    """Latencies, from when each request was due: a server that is late is not excused (no coordinated
+    omission).
+    """
     request = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
     begun = time.perf_counter()
     count = int(rate * seconds)
@@ -138,7 +141,10 @@ def upload(service: RunningService, folder: Path, mib: int) -> dict[str, str]:
         raw_s = time.perf_counter() - begun
     boundary = "cusp-boundary"
     head = f'--{boundary}\r\nContent-Disposition: form-data; name="mesh"; filename="big.stl"\r\n\r\n'.encode()
-    kind = f'\r\n--{boundary}\r\nContent-Disposition: form-data; name="type"\r\n\r\nlandmarks\r\n--{boundary}--\r\n'.encode()
+    kind = (
+        f'\r\n--{boundary}\r\nContent-Disposition: form-data; name="type"\r\n\r\n'
+        f"landmarks\r\n--{boundary}--\r\n"
+    ).encode()
 
     def form() -> Iterator[bytes]:
         yield head
@@ -162,7 +168,9 @@ def upload(service: RunningService, folder: Path, mib: int) -> dict[str, str]:
     assert sent.status_code == 202, sent.text
     service.client.dismiss(sent.json()["id"])
     return {
-        f"{mib} MiB by PUT": f"{raw_s:.1f} s; API resident {raw.before:.0f} MiB before, at most {raw.peak:.0f}",
+        f"{mib} MiB by PUT": (
+            f"{raw_s:.1f} s; API resident {raw.before:.0f} MiB before, at most {raw.peak:.0f}"
+        ),
         f"{mib} MiB in a form": f"{form_s:.1f} s; at most {multipart.peak:.0f} MiB",
     }
 
@@ -242,7 +250,8 @@ def drain(service: RunningService, count: int) -> dict[str, str]:
         took = time.perf_counter() - begun
         worked = [client.get(f"/v1/jobs/{each}/results").json()["timings_s"] for each in ids[:50]]
         own = float(np.median([sum(value for value in each.values() if value) for each in worked]))
-    words = f"{took:.0f} s, {1000 * took / count:.0f} ms a job on two places; its own stages take {1000 * own:.0f} ms"
+    words = f"{took:.0f} s, {1000 * took / count:.0f} ms a job on two places; "
+    words += f"its own stages take {1000 * own:.0f} ms"
     return {f"{count} small jobs done": words}
 
 
@@ -257,7 +266,9 @@ def overhead(service: RunningService, design: Path, scan: Path) -> dict[str, str
         timings = service.client.results(job_id)["timings_s"]
         over.append(took - sum(value for value in timings.values() if value))
     return {
-        "overhead of a job, median of 10": f"{1000 * float(np.median(over)):.0f} ms (most {1000 * max(over):.0f})"
+        "overhead of a job, median of 10": (
+            f"{1000 * float(np.median(over)):.0f} ms (max {1000 * max(over):.0f})"
+        )
     }
 
 

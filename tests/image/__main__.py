@@ -1,8 +1,9 @@
 """Builds the image and runs it as its users would: `make image-test`. Not part of `make test`.
 
-With a Docker engine by that; else by buildah and podman, on a base that debootstrap makes, or on `--base NAME` of their
-storage. Then: the container runs as an ordinary user on a read-only root, gets healthy, registers the demo over HTTP, keeps
-its jobs over a restart, refuses to listen without keys, and stops cleanly within ten seconds.
+With a Docker engine by that; else by buildah and podman, on a base that debootstrap makes, or on `--base
+NAME` of their storage. Then: the container runs as an ordinary user on a read-only root, gets healthy,
+registers the demo over HTTP, keeps its jobs over a restart, refuses to listen without keys, and stops cleanly
+within ten seconds.
 """
 
 import argparse
@@ -47,7 +48,8 @@ class Engine:
         has_docker = shutil.which("docker") and _works("docker", "info")
         if not has_docker and not (shutil.which("podman") and shutil.which("buildah")):
             raise SystemExit(
-                "no container engine: install Docker, or apt-get install buildah podman debootstrap runc conmon"
+                "no container engine: install Docker, or "
+                "apt-get install buildah podman debootstrap runc conmon"
             )
         self.command = "docker" if has_docker else "podman"
         self.environment = dict(os.environ)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 import structlog
 
@@ -18,7 +17,7 @@ from service.settings import ServiceSettings
 from service.storage.blobs import BlobStore
 from service.storage.database import migrate, open_database
 from service.storage.design_cache import DesignCache
-from tests.support.service import NotingQueue, ScriptedSandbox, Service, serving
+from tests.support.service import NotingQueue, ScriptedSandbox, Service, http_client, serving
 from tests.support.storage import Postgres
 
 
@@ -89,6 +88,6 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
     )
     designs, metrics = DesignCache(blobs.store, settings.design_cache_mib), Metrics(engine, settings.data_dir)
     worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
-    with serving(create_app(settings)) as address, httpx.Client(base_url=address, timeout=30) as http:
+    with serving(create_app(settings)) as address, http_client(address) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()

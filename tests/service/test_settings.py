@@ -29,7 +29,9 @@ def test_a_child_process_gets_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 
 def test_a_relative_data_folder_is_made_absolute(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Jobs run in folders of their own, where a relative path would lead nowhere; the default is relative too."""
+    """Jobs run in folders of their own, where a relative path would lead nowhere; the default is relative
+    too.
+    """
     monkeypatch.chdir(tmp_path)
     assert ServiceSettings(data_dir=Path("here")).data_dir == tmp_path / "here"
     assert ServiceSettings().data_dir == tmp_path / "cusp-data"

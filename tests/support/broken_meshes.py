@@ -1,4 +1,6 @@
-"""Real mesh files of every format, bytes of which are changed, cut, doubled or replaced by numbers that break programs."""
+"""Real mesh files of every format, bytes of which are changed, cut, doubled or replaced by numbers that break
+programs.
+"""
 
 import random
 from collections.abc import Iterator

@@ -6,8 +6,8 @@ from pipeline.core.mesh import FloatArray
 
 
 def closest_weights(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """The independent route to what `native/closest.cpp` computes: (k, 3) barycentric weights of the point of triangle
-    `corners` (k, 3, 3) closest to `points` (k, 3).
+    """The independent route to what `native/closest.cpp` computes: (k, 3) barycentric weights of the point of
+    triangle `corners` (k, 3, 3) closest to `points` (k, 3).
 
     Weights are exactly 0 off the closest feature: two zeros at a vertex, one on an edge, none inside
     (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).

@@ -11,8 +11,14 @@ from pipeline.core.timing import silent
 from pipeline.stages.clean import Cleaned
 from pipeline.stages.load import Loaded
 
+_ANALYSED: dict[bytes, DesignModel] = {}
+
 
 def design_of(mesh: Mesh, settings: Settings) -> DesignModel:
-    cleaned = Cleaned(mesh, np.arange(len(mesh.vertices)), {})
-    source = InputMesh("design", Loaded(mesh, Format.PLY, "mm", 1.0, ""), cleaned)
-    return build_design(source, "", settings, silent(), 0)
+    """The model of a design; the same mesh and settings are analysed once in a process."""
+    key = mesh.vertices.tobytes() + mesh.faces.tobytes() + settings.model_dump_json().encode()
+    if key not in _ANALYSED:
+        cleaned = Cleaned(mesh, np.arange(len(mesh.vertices)), {})
+        source = InputMesh("design", Loaded(mesh, Format.PLY, "mm", 1.0, ""), cleaned)
+        _ANALYSED[key] = build_design(source, "", settings, silent(), 0)
+    return _ANALYSED[key]

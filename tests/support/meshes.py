@@ -12,7 +12,8 @@ TURN_DEG, SHIFT_MM = 25.0, (4.0, -3.0, 2.0)
 def blob_stl(
     rows: int = 20, columns: int = 40, *, turn_deg: float = 0.0, shift_mm: Point = (0.0, 0.0, 0.0)
 ) -> bytes:
-    """Binary STL of a closed bumpy blob about 40 mm across with rows * columns vertices, outward faces, no symmetry.
+    """Binary STL of a closed bumpy blob about 40 mm across with rows * columns vertices, outward faces, no
+    symmetry.
 
     `turn_deg` about the z axis, then `shift_mm`.
     """

@@ -130,7 +130,9 @@ class RunningService:
 
 
 class ScaledService:
-    """`cusp api` and some `cusp worker`, each alone, on one PostgreSQL and one S3; `log` is what all of them wrote."""
+    """`cusp api` and some `cusp worker`, each alone, on one PostgreSQL and one S3; `log` is what all of them
+    wrote.
+    """
 
     def __init__(self, folder: Path, server: Postgres, s3: S3, workers: int, **environment: str) -> None:
         name = f"scaled_{free_port()}"

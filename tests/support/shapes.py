@@ -113,7 +113,9 @@ def motion(seed: int, translation_mm: float = 50.0) -> FloatArray:
 def beads(
     radius_mm: float = 5.0, pitch_mm: float = 12.0, count: int = 3, around: int = 40, along: int = 121
 ) -> Mesh:
-    """A closed solid of revolution about x: `count` spheres on a thin rod, the middle of the first at the origin."""
+    """A closed solid of revolution about x: `count` spheres on a thin rod, the middle of the first at the
+    origin.
+    """
     x = np.linspace(-radius_mm, (count - 1) * pitch_mm + radius_mm, along)[1:-1]
     from_middle = x - pitch_mm * np.clip(np.round(x / pitch_mm), 0, count - 1)
     profile = np.sqrt(np.maximum(radius_mm**2 - from_middle**2, (0.15 * radius_mm) ** 2))
@@ -137,8 +139,8 @@ def beads(
 
 
 def gear(teeth: int = 60, radius_mm: float = 20.0) -> Mesh:
-    """A closed ring about z with low teeth all round and a key at angle 0, higher above than below: one pose only, and
-    nearly as good a one for every tooth that it is turned by, either side up.
+    """A closed ring about z with low teeth all round and a key at angle 0, higher above than below: one pose
+    only, and nearly as good a one for every tooth that it is turned by, either side up.
     """
     ring = torus(radius_mm, radius_mm / 4, around=8 * teeth, across=48)
     angle = np.arctan2(ring.vertices[:, 1], ring.vertices[:, 0])
@@ -150,8 +152,8 @@ def gear(teeth: int = 60, radius_mm: float = 20.0) -> Mesh:
 
 
 def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_mm: float = 12.0) -> Mesh:
-    """A closed toothed bar along x, teeth on top, with a higher block over the last three pitches: one pose only, and
-    nearly as good a one for every tooth that it is moved by.
+    """A closed toothed bar along x, teeth on top, with a higher block over the last three pitches: one pose
+    only, and nearly as good a one for every tooth that it is moved by.
     """
     x = np.linspace(0.0, teeth * pitch_mm, 16 * teeth + 1)
     at_block = np.clip((x - (teeth - 3) * pitch_mm) / (0.3 * pitch_mm), 0.0, 1.0)
@@ -177,7 +179,9 @@ def rack(teeth: int = 30, pitch_mm: float = 3.0, height_mm: float = 0.8, width_m
 
 
 def cross(arms: int, lift_mm: float = 0.0) -> Mesh:
-    """A disc of revolution with `arms` equal lobes about z; `lift_mm` makes one of them higher and the lobes unequal."""
+    """A disc of revolution with `arms` equal lobes about z; `lift_mm` makes one of them higher and the lobes
+    unequal.
+    """
     ball = icosphere(1.0, 5)
     n = ball.vertices
     angle = np.arctan2(n[:, 1], n[:, 0])

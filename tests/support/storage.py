@@ -1,4 +1,6 @@
-"""Real servers for tests: PostgreSQL from its own binaries, and S3 over HTTP. Both on loopback, both gone afterwards."""
+"""Real servers for tests: PostgreSQL from its own binaries, and S3 over HTTP. Both on loopback, both gone
+afterwards.
+"""
 
 import os
 import pwd
@@ -54,7 +56,8 @@ class Postgres:
             connection.execute(f'DROP DATABASE "{database}" WITH (FORCE)')  # type: ignore[arg-type]
 
     def start(self) -> None:
-        options = f"-p {self.port} -k {self.folder} -c listen_addresses=127.0.0.1 -c fsync=off -c max_connections=200"
+        options = f"-p {self.port} -k {self.folder} -c listen_addresses=127.0.0.1"
+        options += " -c fsync=off -c max_connections=200"
         log = self.folder / "log"
         self._control("start", "-w", "-l", str(log), "-o", options)
 

@@ -16,7 +16,9 @@ from tests.support.shapes import cross
 
 
 def test_a_small_motion_is_no_symmetry() -> None:
-    """A pose 1.5 % of the diagonal beside the best is its rival, though an ICP of the design would slide back."""
+    """A pose 1.5 % of the diagonal beside the best is its rival, though an ICP of the design would slide
+    back.
+    """
     found = symmetries(cross(4))
     beside = np.eye(4)
     beside[0, 3] = 0.015 * found._diagonal_mm
@@ -47,7 +49,9 @@ def test_near_images_are_told_apart_and_none_is_exact(part: Mesh) -> None:
 
 
 def test_a_body_of_revolution_has_no_rival_beside_its_turns() -> None:
-    """A turn of less than 2 % of the diagonal is a symmetry too, where the surface does not slide back: by one facet."""
+    """A turn of less than 2 % of the diagonal is a symmetry too, where the surface does not slide back: by
+    one facet.
+    """
     found = symmetries(shapes.beads())
     angle = 2 * np.pi / 40
     turn = np.eye(4)
@@ -92,9 +96,11 @@ def test_a_brick_has_its_four_rotations_and_no_reflection() -> None:
     assert [round(rigid.angle_deg(each)) for each in found.elements] == [180, 180, 180]
 
 
-@pytest.mark.parametrize("sides", [3, 5, 6])
+@pytest.mark.parametrize("sides", [3, pytest.param(5, marks=pytest.mark.nightly), 6])
 def test_a_prism_turns_over_too(sides: int) -> None:
-    """n turns about its axis, and n half turns about axes across it, at angles that no principal axis tells."""
+    """n turns about its axis, and n half turns about axes across it, at angles that no principal axis
+    tells.
+    """
     angle = 2 * np.pi * np.arange(sides) / sides + 0.3
     ring = np.stack([10 * np.cos(angle), 10 * np.sin(angle)], axis=1)
     bottom, top = (np.column_stack([ring, np.full(sides, z)]) for z in (-6.0, 6.0))

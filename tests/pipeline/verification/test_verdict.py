@@ -17,6 +17,7 @@ from pipeline.kernels import rigid
 from pipeline.stages.matching import match_landmarks
 from tests.support import shapes
 from tests.support.designs import design_of
+from tests.support.registering import register
 from tests.support.scans import noisy, save, scanned
 from tests.support.settings import COARSE as QUICK
 from tests.support.shapes import cross
@@ -34,7 +35,7 @@ def test_a_scan_in_another_unit_is_told_with_the_factor_and_the_pose(
     scan = scanned(T_scan_design)
     wrong = Mesh(scan.vertices / per_mm, scan.faces)
     design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
-    result = pipeline.register(design, save(wrong, tmp_path / "scan.ply"), settings=QUICK)
+    result = register(design, save(wrong, tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "units_suspect"
     assert result.scale is not None and result.scale.unit_factor == pytest.approx(factor)
     assert result.transform is not None
@@ -48,7 +49,7 @@ def test_saying_the_unit_settles_it(tmp_path: Path) -> None:
     scan = scanned(shapes.motion(4))
     path = save(Mesh(scan.vertices / 25.4, scan.faces), tmp_path / "scan.ply")
     design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
-    result = pipeline.register(design, MeshFile(path, unit="inch"), settings=QUICK)
+    result = register(design, MeshFile(path, unit="inch"), settings=QUICK)
     assert result.verdict.status == "ok" and result.scale is not None and result.scale.unit_factor is None
 
 
@@ -56,7 +57,7 @@ def test_a_mirrored_scan_is_told(tmp_path: Path) -> None:
     scan = scanned(shapes.motion(6))
     mirrored = Mesh(scan.vertices * [-1.0, 1, 1], scan.faces[:, ::-1])
     design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
-    result = pipeline.register(design, save(mirrored, tmp_path / "scan.ply"), settings=QUICK)
+    result = register(design, save(mirrored, tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "mirrored" and "mirrored" in codes(result)
     assert result.transform is None and result.verdict.confidence == 0.0
     assert all(np.linalg.det(np.array(pose.matrix)[:3, :3]) > 0 for pose in result.alternatives)
@@ -65,7 +66,7 @@ def test_a_mirrored_scan_is_told(tmp_path: Path) -> None:
 def test_an_exactly_symmetric_part_is_ok_with_its_other_poses(tmp_path: Path) -> None:
     part = cross(4)
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")
-    result = pipeline.register(design, scan, settings=QUICK)
+    result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ok" and "symmetric_design" in codes(result)
     assert sum(pose.symmetry_of_design for pose in result.alternatives) >= 3
     assert result.transform is not None
@@ -89,7 +90,7 @@ def test_a_nearly_symmetric_part_is_not_called_symmetric(tmp_path: Path) -> None
     """One lobe is 1.5 mm higher: the scan tells its pose, and the others are no symmetries."""
     part = cross(4, lift_mm=1.5)
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")
-    result = pipeline.register(design, scan, settings=QUICK)
+    result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ok" and "symmetric_design" not in codes(result)
     assert result.transform is not None
     found, truth = np.array(result.transform.matrix), rigid.inverse(shapes.motion(3))
@@ -105,7 +106,7 @@ def test_the_part_of_the_scan_that_looks_alike_everywhere_is_ambiguous(tmp_path:
     used = np.unique(part.faces[shown])
     piece = Mesh(part.vertices[used], np.searchsorted(used, part.faces[shown]))
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(piece, 3), tmp_path / "scan.ply")
-    result = pipeline.register(design, scan, settings=QUICK)
+    result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ambiguous" and "rival_pose" in codes(result)
     assert result.transform is not None and len(result.alternatives) >= 1
 
@@ -118,7 +119,7 @@ def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -
         "sphere": shapes.icosphere(10.0, 4),
     }
     design = save(made[shape], tmp_path / "design.ply")
-    result = pipeline.register(design, save(noisy(made[shape], 2), tmp_path / "scan.ply"), settings=QUICK)
+    result = register(design, save(noisy(made[shape], 2), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "under_constrained"
     assert result.observability is not None and len(result.observability.free_motions) >= 1
     assert "free_motion" in codes(result) and result.transform is not None
@@ -134,7 +135,7 @@ def cut(scan: Mesh, kept: np.ndarray) -> Mesh:
 def test_a_rack_lies_on_the_right_teeth(tmp_path: Path) -> None:
     part = shapes.rack()
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 5), tmp_path / "scan.ply")
-    result = pipeline.register(design, scan, settings=QUICK)
+    result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ok" and result.transform is not None
     found, truth = np.array(result.transform.matrix), rigid.inverse(shapes.motion(5))
     assert rigid.rms_displacement(found, truth, part.moved(shapes.motion(5)).vertices) < 0.1
@@ -145,7 +146,7 @@ def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp
     part = shapes.rack()
     middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(middle, 5), tmp_path / "scan.ply")
-    result = pipeline.register(design, scan, settings=QUICK)
+    result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ambiguous" and result.transform is not None
     assert result.verdict.confidence is not None and result.verdict.confidence <= 0.5
     best, points = np.array(result.transform.matrix), middle.moved(shapes.motion(5)).vertices
@@ -186,9 +187,7 @@ def test_two_places_without_any_noise_are_ambiguous(tmp_path: Path) -> None:
     part = shapes.rack()
     middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
     design = save(part, tmp_path / "design.ply")
-    result = pipeline.register(
-        design, save(middle.moved(shapes.motion(3)), tmp_path / "scan.ply"), settings=QUICK
-    )
+    result = register(design, save(middle.moved(shapes.motion(3)), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "ambiguous"
 
 
@@ -197,11 +196,11 @@ def test_a_bolt_in_inches_is_told_although_it_can_turn(tmp_path: Path) -> None:
     scan = noisy(part, 2)
     design = save(part, tmp_path / "design.ply")
     inches = save(Mesh(scan.vertices / 25.4, scan.faces), tmp_path / "scan.ply")
-    result = pipeline.register(design, inches, settings=QUICK)
+    result = register(design, inches, settings=QUICK)
     assert result.verdict.status == "units_suspect" and "free_motion" in codes(result)
 
 
 def test_another_part_is_no_match(tmp_path: Path) -> None:
     design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
-    result = pipeline.register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)
+    result = register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "no_match" and result.transform is None

@@ -1,5 +1,5 @@
-"""Meshes that no one should send, but someone does: a verdict or a clear error, never an exception text, never the
-identity as an answer.
+"""Meshes that no one should send, but someone does: a verdict or a clear error, never an exception text,
+never the identity as an answer.
 """
 
 from pathlib import Path
@@ -12,6 +12,7 @@ from pipeline import PipelineError
 from pipeline.core.mesh import Mesh
 from pipeline.kernels import rigid
 from tests.support import shapes
+from tests.support.registering import register
 from tests.support.scans import save, scanned
 from tests.support.settings import COARSE as QUICK
 
@@ -24,7 +25,7 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def registered(design: Path, scan: Mesh, tmp_path: Path) -> pipeline.RegistrationResult:
-    return pipeline.register(
+    return register(
         design, save(scan, tmp_path / ("scan.xyz" if scan.is_cloud else "scan.ply")), settings=QUICK
     )
 
@@ -90,7 +91,7 @@ def test_a_scan_of_the_inside(tmp_path: Path) -> None:
         np.concatenate([outer.faces, small.faces + len(outer.vertices)]),
     )
     design = save(hollow, tmp_path / "hollow.ply")
-    result = pipeline.register(design, save(small.moved(POSE), tmp_path / "scan.ply"), settings=QUICK)
+    result = register(design, save(small.moved(POSE), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status != "ok" or error_mm(result) < 0.1
 
 

@@ -1,4 +1,6 @@
-"""The main job on real meshes: arches against moved, re-triangulated, noisy copies, and real depth-camera pairs."""
+"""The main job on real meshes: arches against moved, re-triangulated, noisy copies, and real depth-camera
+pairs.
+"""
 
 import json
 from pathlib import Path
@@ -13,9 +15,17 @@ from tests.accuracy.bench import printed, read, save
 from tests.accuracy.teeth import score, tooth_of_vertex
 
 pytestmark = pytest.mark.data
+NIGHTLY = pytest.mark.nightly
 
 
-@pytest.mark.parametrize("name", ["arch_001C.ply", "arch_022C.ply", "arch_h1.obj"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "arch_001C.ply",
+        pytest.param("arch_022C.ply", marks=NIGHTLY),
+        pytest.param("arch_h1.obj", marks=NIGHTLY),
+    ],
+)
 def test_an_arch_is_found_within_one_percent_of_its_diagonal(name: str, data: Path, tmp_path: Path) -> None:
     design = read(data / "dental" / name)
     scan, truth = printed(design, seed=1)
@@ -26,8 +36,15 @@ def test_an_arch_is_found_within_one_percent_of_its_diagonal(name: str, data: Pa
     assert len(result.landmarks.matches) >= 10
 
 
-@pytest.mark.parametrize("kind", ["mesh", "points"])
-@pytest.mark.parametrize("name", ["pendulum", "separator"])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("pendulum", "points"),
+        ("separator", "mesh"),
+        pytest.param("pendulum", "mesh", marks=NIGHTLY),
+        pytest.param("separator", "points", marks=NIGHTLY),
+    ],
+)
 def test_a_depth_camera_scan_is_found_within_five_percent(name: str, kind: str, data: Path) -> None:
     folder = data / "pairs" / name
     result = pipeline.register(folder / "cad_mm.stl", folder / f"scan_mm_{kind}.ply")
@@ -56,9 +73,13 @@ def test_a_plate_of_eleven_parts_is_analysed(data: Path) -> None:
     assert result.metrics.rmse_mm == pytest.approx(0, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["001C", "012C", "013C", "022C"])
+@pytest.mark.parametrize(
+    "name", ["001C", "012C", *(pytest.param(name, marks=NIGHTLY) for name in ("013C", "022C"))]
+)
 def test_one_tooth_one_segment(name: str, data: Path) -> None:
-    """Adjusted Rand index over the tooth vertices, and a centre on every tooth; K-means reaches 0.55 to 0.66."""
+    """Adjusted Rand index over the tooth vertices, and a centre on every tooth; K-means reaches 0.55 to
+    0.66.
+    """
     arch = data / "dental" / f"arch_{name}.ply"
     found = score(arch, tooth_of_vertex(arch), Settings())
     assert found.index > 0.75

@@ -17,7 +17,9 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import rigid
 from tests.support import shapes
 from tests.support.closest_weights import closest_weights
+from tests.support.registering import register
 from tests.support.scans import NOISE_MM, save, scanned
+from tests.support.settings import COARSE, FAST
 
 
 def displacement_mm(result: pipeline.RegistrationResult, T_design_scan: FloatArray, scan: Mesh) -> float:
@@ -147,7 +149,7 @@ def test_swapping_design_and_scan_gives_the_inverse(
     result, _ = registered
     assert result.transform is not None
     scan = save(scanned(shapes.motion(11)), tmp_path / "scan.ply")
-    back = pipeline.register(scan, design)
+    back = pipeline.register(scan, design, settings=COARSE)
     T_scan_design = rigid.inverse(np.array(result.transform.matrix))
     assert displacement_mm(back, T_scan_design, shapes.bumpy_blob(3)) < 0.02
 
@@ -155,7 +157,7 @@ def test_swapping_design_and_scan_gives_the_inverse(
 def test_the_other_unit_is_carried_by_the_file_to_file_matrix(design: Path, tmp_path: Path) -> None:
     in_mm = scanned(shapes.motion(4))
     scan = save(Mesh(in_mm.vertices / 25.4, in_mm.faces), tmp_path / "scan.ply")
-    result = pipeline.register(design, MeshFile(scan, unit="inch"))
+    result = register(design, MeshFile(scan, unit="inch"), settings=COARSE)
     assert displacement_mm(result, rigid.inverse(shapes.motion(4)), in_mm) < 0.02
     assert result.transform is not None
     file_to_file = np.array(result.transform.matrix_file_to_file)
@@ -168,7 +170,7 @@ def test_part_of_the_scan_is_enough(design: Path, tmp_path: Path) -> None:
     whole = scanned(np.eye(4))
     seen = (whole.vertices[whole.faces][:, :, 0] > -4).all(axis=1)
     part = Mesh(whole.vertices, whole.faces[seen]).moved(shapes.motion(6))
-    result = pipeline.register(design, save(part, tmp_path / "part.ply"))
+    result = register(design, save(part, tmp_path / "part.ply"))
     assert result.verdict.status == "ok"
     assert displacement_mm(result, rigid.inverse(shapes.motion(6)), whole) < 0.1
     assert result.metrics.design_coverage is not None and 0.4 < result.metrics.design_coverage < 0.8
@@ -179,13 +181,13 @@ def test_scan_turned_inside_out_finds_the_same_pose(design: Path, tmp_path: Path
     whole = scanned(np.eye(4))
     seen = (whole.vertices[whole.faces][:, :, 0] > -4).all(axis=1)
     part = Mesh(whole.vertices, whole.faces[seen][:, ::-1]).moved(shapes.motion(6))
-    result = pipeline.register(design, save(part, tmp_path / "part.ply"))
+    result = register(design, save(part, tmp_path / "part.ply"), settings=COARSE)
     assert displacement_mm(result, rigid.inverse(shapes.motion(6)), whole) < 0.1
 
 
 def test_scan_points_are_enough(design: Path, tmp_path: Path) -> None:
     whole = scanned(shapes.motion(8), levels=5)
-    result = pipeline.register(design, save(Mesh(whole.vertices), tmp_path / "scan.xyz"))
+    result = register(design, save(Mesh(whole.vertices), tmp_path / "scan.xyz"))
     assert result.verdict.status == "ok"
     assert displacement_mm(result, rigid.inverse(shapes.motion(8)), whole) < 0.05
     assert "point_cloud" in {note.code for note in result.warnings}
@@ -193,8 +195,11 @@ def test_scan_points_are_enough(design: Path, tmp_path: Path) -> None:
 
 def test_another_part_is_no_match_and_never_the_identity(design: Path, tmp_path: Path) -> None:
     other = shapes.torus(14.0, 5.0)
-    result = pipeline.register(
-        design, save(other.moved(shapes.motion(1)), tmp_path / "other.stl"), out=tmp_path / "out"
+    result = register(
+        design,
+        save(other.moved(shapes.motion(1)), tmp_path / "other.stl"),
+        settings=COARSE,
+        out=tmp_path / "out",
     )
     assert result.verdict.status == "no_match"
     assert result.transform is None and result.deviation is None
@@ -210,7 +215,13 @@ def test_clean_input_gives_no_warnings(registered: tuple[pipeline.RegistrationRe
 
 def test_progress_names_every_stage_in_order_and_never_falls(design: Path, tmp_path: Path) -> None:
     heard: list[Progress] = []
-    pipeline.register(design, design, out=tmp_path / "out", on_progress=heard.append)
+    pipeline.register(
+        design,
+        design,
+        settings=Settings.model_validate(FAST),
+        out=tmp_path / "out",
+        on_progress=heard.append,
+    )
     assert {progress.stage for progress in heard} == set(pipeline.Stage) - {pipeline.Stage.STUDY}
     percents = [progress.percent for progress in heard]
     assert percents == sorted(percents) and percents[0] == 0 and percents[-1] <= 100
@@ -219,7 +230,7 @@ def test_progress_names_every_stage_in_order_and_never_falls(design: Path, tmp_p
 
 
 def test_a_copy_registers_to_rounding_error(design: Path) -> None:
-    result = pipeline.register(design, design)
+    result = register(design, design, settings=COARSE)
     assert result.metrics.rmse_mm == pytest.approx(0, abs=1e-6)
     assert result.transform is not None and result.transform.rotation_deg < 1e-5
 
@@ -232,7 +243,11 @@ def test_paper_preset_runs_on_the_files_own_vertices(design: Path, tmp_path: Pat
     assert result.provenance.settings["features"]["kind"] == "integrated"
 
 
-SCRIPT = "import sys, pipeline; pipeline.register(sys.argv[1], sys.argv[2], out=sys.argv[3], seed=5, tolerance_mm=0.1)"
+SCRIPT = """
+import sys, pipeline
+settings = pipeline.Settings.model_validate_json(sys.argv[4])
+pipeline.register(*sys.argv[1:3], settings=settings, out=sys.argv[3], seed=5, tolerance_mm=0.1)
+"""
 
 
 def test_same_bytes_with_any_number_of_threads(design: Path, tmp_path: Path) -> None:
@@ -241,7 +256,11 @@ def test_same_bytes_with_any_number_of_threads(design: Path, tmp_path: Path) -> 
     for threads in ("1", "3"):
         folder = tmp_path / threads
         environment = os.environ | {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
-        subprocess.run([sys.executable, "-c", SCRIPT, design, scan, folder], check=True, env=environment)
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT, design, scan, folder, COARSE.model_dump_json()],
+            check=True,
+            env=environment,
+        )
         folders.append(folder)
     one, three = folders
     for path in sorted(one.iterdir()):

@@ -1,6 +1,7 @@
 """`find_segments` on three beads on a rod: what it records and writes, and how each clustering cuts them.
 
-Density peaks are not asked for the beads: a sphere is as dense everywhere, and densest where it meets the rod.
+Density peaks are not asked for the beads: a sphere is as dense everywhere, and densest where it meets the
+rod.
 """
 
 import csv

@@ -1,4 +1,6 @@
-"""One row that cannot be read (damaged, or of a later version) is one job's trouble: lists, ends, the reaper and /metrics go on."""
+"""One row that cannot be read (damaged, or of a later version) is one job's trouble: lists, ends, the reaper
+and /metrics go on.
+"""
 
 import threading
 import time

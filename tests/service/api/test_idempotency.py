@@ -1,4 +1,6 @@
-"""A request sent twice is one job: also at the same moment, also by another way of sending the same meshes."""
+"""A request sent twice is one job: also at the same moment, also by another way of sending the same
+meshes.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 

@@ -1,4 +1,6 @@
-"""Requests that no client of good will sends: each is refused with its reason, never by a 500, and leaves nothing behind."""
+"""Requests that no client of good will sends: each is refused with its reason, never by a 500, and leaves
+nothing behind.
+"""
 
 import hashlib
 import json

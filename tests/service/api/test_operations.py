@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 
-import httpx
 import pytest
 import structlog
 from typer.testing import CliRunner
@@ -12,7 +11,7 @@ from service.api.app import create_app
 from service.api.server import configuration
 from service.cli.main import app as cli
 from service.settings import ServiceSettings
-from tests.support.service import Service, serving
+from tests.support.service import Service, http_client, serving
 
 
 def test_a_request_has_an_id_in_the_answer_and_in_every_line_of_the_log(
@@ -56,7 +55,7 @@ def limited(settings: ServiceSettings) -> Iterator[str]:
 
 
 def test_too_many_requests_a_second_are_told_when_to_come_again(limited: str) -> None:
-    with httpx.Client(base_url=limited) as http:
+    with http_client(limited) as http:
         answers = [http.get("/v1/jobs") for _ in range(30)]
         refused = [each for each in answers if each.status_code == 429]
         assert refused and answers[0].status_code == 200

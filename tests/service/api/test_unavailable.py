@@ -1,4 +1,6 @@
-"""A database or a store that is away: every address says `not_ready`, with when to ask again, and no stack in the log."""
+"""A database or a store that is away: every address says `not_ready`, with when to ask again, and no stack in
+the log.
+"""
 
 from collections.abc import Iterator
 
@@ -12,7 +14,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from service.api.app import create_app
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, serving
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, http_client, serving
 
 ADDRESSES = [
     "/readyz",
@@ -29,7 +31,7 @@ FILES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 @pytest.fixture
 def without_tables(settings: ServiceSettings) -> Iterator[httpx.Client]:
     """Its database answers nothing any more."""
-    with serving(create_app(settings)) as address, httpx.Client(base_url=address) as http:
+    with serving(create_app(settings)) as address, http_client(address) as http:
         engine = open_database(settings.database)
         with engine.begin() as connection:
             for table in ("jobs", "blobs", "workers", "counters", "api_keys"):

@@ -1,4 +1,6 @@
-"""Keys: who holds one may do what it says, to what is their tenant's, and nobody learns that there is more."""
+"""Keys: who holds one may do what it says, to what is their tenant's, and nobody learns that there is
+more.
+"""
 
 import json
 from collections.abc import Iterator
@@ -15,7 +17,7 @@ from service.cli.main import app as cli
 from service.execution.supervisor import prepare
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.support.service import TRIANGLE_OBJ, Service
+from tests.support.service import TRIANGLE_OBJ, Service, http_client
 
 pytestmark = pytest.mark.storages
 
@@ -41,7 +43,7 @@ def bearer(key: str) -> dict[str, str]:
 
 def as_tenant(service: Service, keys: KeyStore, tenant: str, scopes: list[Scope] = BOTH) -> httpx.Client:
     _, key = keys.create(tenant, scopes)
-    return httpx.Client(base_url=service.http.base_url, headers=bearer(key), timeout=30)
+    return http_client(str(service.http.base_url), headers=bearer(key))
 
 
 def submitted(http: httpx.Client) -> httpx.Response:
@@ -207,14 +209,15 @@ def test_what_was_there_before_tenants_is_the_open_services(tmp_path: Path) -> N
     path = tmp_path / "cusp.db"
     engine = open_database(f"sqlite:///{path}")
     config = Config()
-    config.set_main_option("script_location", "service:migrations")
+    config.set_main_option("script_location", "service.storage:migrations")
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, "0001")
         connection.execute(text("INSERT INTO blobs VALUES ('sha256:a', 3, 'stl', 1)"))
         connection.execute(
             text(
-                "INSERT INTO jobs (id, type, status, progress, inputs, options, attempt, crashes, created_ms) "
+                "INSERT INTO jobs (id, type, status, progress, inputs, options, attempt, crashes, "
+                "created_ms) "
                 "VALUES ('j', 'registration', 'accepted', 0, '{}', '{}', 0, 0, 1)"
             )
         )

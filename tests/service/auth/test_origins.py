@@ -1,4 +1,6 @@
-"""A service without keys answers this machine, and no page of the web that a browser on this machine shows."""
+"""A service without keys answers this machine, and no page of the web that a browser on this machine
+shows.
+"""
 
 from collections.abc import Iterator
 
@@ -9,7 +11,7 @@ from service.api.app import create_app
 from service.auth.keys import KeyStore, Scope
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, serving
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, http_client, serving
 
 FILES = {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ)}
 REBOUND = [
@@ -77,7 +79,7 @@ def test_our_own_page_and_a_link_to_us_are_answered(service: Service) -> None:
 def guarded(settings: ServiceSettings) -> Iterator[httpx.Client]:
     """Something else guards it."""
     opened = settings.model_copy(update={"allow_open": True})
-    with serving(create_app(opened)) as address, httpx.Client(base_url=address) as http:
+    with serving(create_app(opened)) as address, http_client(address) as http:
         yield http
 
 

@@ -1,4 +1,6 @@
-"""The types of jobs: each with its own meshes and options; what belongs to another type is refused by name."""
+"""The types of jobs: each with its own meshes and options; what belongs to another type is refused by
+name.
+"""
 
 import json
 from pathlib import Path

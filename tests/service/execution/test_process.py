@@ -19,7 +19,9 @@ def open_to_all() -> None:
 
 
 def as_nobody(act: Callable[[], None]) -> int:
-    """Pid of a fork that is an ordinary user and has done `act`, until it is killed; or exit code 1 of `act`."""
+    """Pid of a fork that is an ordinary user and has done `act`, until it is killed; or exit code 1 of
+    `act`.
+    """
     read_end, write_end = os.pipe()
     pid = os.fork()
     if pid:

@@ -1,4 +1,6 @@
-"""Stores that are away, answers that are lost, and workers that come back too late: no job is lost, and nobody's files go."""
+"""Stores that are away, answers that are lost, and workers that come back too late: no job is lost, and
+nobody's files go.
+"""
 
 import threading
 import time

@@ -1,4 +1,6 @@
-"""The state machine: whatever the API, workers and the reaper do in whatever order, a job makes legal moves only."""
+"""The state machine: whatever the API, workers and the reaper do in whatever order, a job makes legal moves
+only.
+"""
 
 import shutil
 import tempfile
@@ -32,7 +34,9 @@ def test_ids_sort_by_time() -> None:
 
 
 class OneJob(RuleBasedStateMachine):
-    """Every call may come at any time, also from workers that were given up; the model says what may happen."""
+    """Every call may come at any time, also from workers that were given up; the model says what may
+    happen.
+    """
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,6 @@
-"""The second scan of a design is given what the first found out about it; the oldest goes when there is no room."""
+"""The second scan of a design is given what the first found out about it; the oldest goes when there is no
+room.
+"""
 
 from pathlib import Path
 from typing import Any

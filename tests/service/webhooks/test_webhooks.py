@@ -1,5 +1,6 @@
-"""Webhooks: every end of a job is told once it is committed, signed as receivers check it, again until it is taken, and to no
-address that only we can reach."""
+"""Webhooks: every end of a job is told once it is committed, signed as receivers check it, again until it is
+taken, and to no address that only we can reach.
+"""
 
 import json
 import socket
@@ -305,7 +306,9 @@ def test_loopback_is_refused_unless_it_is_allowed() -> None:
 def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
     receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The name is public at submission. The connection goes to the judged address: there is no second look-up to fool."""
+    """The name is public at submission. The connection goes to the judged address: there is no second look-up
+    to fool.
+    """
     asked: list[str] = []
 
     def looked_up(host: str, port: int, **_: Any) -> list[Any]:
