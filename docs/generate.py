@@ -1,7 +1,7 @@
 """Write the generated parts of the documentation from the models: `python -m docs.generate` (or `make docs`).
 
-`settings.md` is generated as a whole. In `results-and-verdicts.md` the tables of fields are generated; they stand
-between the two marker lines. `tests/docs/test_generated.py` fails when a file differs from what this module makes.
+`settings.md` is generated as a whole. In `results-and-verdicts.md` the tables of fields are generated,
+between two marker lines. `tests/docs/test_reference.py` fails when a file differs from what this module makes.
 """
 
 import json
@@ -32,16 +32,16 @@ SETTINGS_HEAD = """\
 
 <!-- This page is generated from the models by `make docs`. Do not edit it. -->
 
-There are two kinds of settings. *Service settings* configure an installation; they are environment variables.
-*Method settings* configure one job; a client sends them with the job.
+There are two kinds of settings. *Service settings* configure an installation; they are environment
+variables. *Method settings* configure one job; a client sends them with the job.
 
-Contents: [Service settings](#service-settings), [Other variables](#other-variables),
-[Method settings](#method-settings).
+Contents: [Service settings](#service-settings), [Other variables](#other-variables), [Method
+settings](#method-settings).
 
 ## Service settings
 
-The service reads these variables once, at start. Options of `cusp up` override them. `cusp config show` prints
-every setting, its value and where the value comes from; it does not print passwords.
+The service reads these variables once, at start. Options of `cusp up` override them. `cusp config show`
+prints every setting, its value and where the value comes from; it does not print passwords.
 
 """
 METHOD_HEAD = """
@@ -57,20 +57,21 @@ METHOD_HEAD = """
 
 ## Method settings
 
-A client sends any part of these settings: `options.settings` in the HTTP API, `--settings FILE.json` on the command
-line, `Settings` in Python. What is left out keeps the value of the preset. An unknown key is refused.
+A client sends any part of these settings: `options.settings` in the HTTP API, `--settings FILE.json` on the
+command line, `Settings` in Python. What is left out keeps the value of the preset. An unknown key is
+refused.
 
 ```json
 {"landmarks": {"confidence": 0.95}, "report": {"pdf": true}}
 ```
 
-`preset: paper` follows the paper as closely as this version can: the vertices of the file itself, counted; the
-integrated features of PyMesh; covariance PCA; no halo vertices. The table shows the defaults of `preset: default` and,
-where it differs, of `preset: paper`.
+`preset: paper` follows the paper as closely as this version can: the vertices of the file itself, counted;
+the integrated features of PyMesh; covariance PCA; no halo vertices. The table shows the defaults of
+`preset: default` and, where it differs, of `preset: paper`.
 
-Lengths in the settings are in mm. A *share* is relative to the design (its diagonal or the square root of its area),
-so that design and scan are analysed on the same scale. Every result lists the settings it was made with in
-`provenance.settings`.
+Lengths in the settings are in mm. A *share* is relative to the design (its diagonal or the square root of
+its area), so that design and scan are analysed on the same scale. Every result lists the settings it was
+made with in `provenance.settings`.
 """
 
 
