@@ -12,7 +12,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test nightly coverage servers check format bench image-test openapi clean
+.PHONY: help setup demo serve test nightly coverage servers check format bench image-test openapi docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -80,6 +80,9 @@ image-test: $(READY) ## build the image with what engine there is, run it, regis
 
 openapi: $(READY) ## write openapi/openapi.json and its examples
 	$(BIN)/cusp openapi
+
+docs: $(READY) ## write the generated parts of docs/
+	$(BIN)/python -m docs.generate
 
 bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on real ones
 	$(BIN)/python -m tests.accuracy.geodesics
