@@ -22,13 +22,13 @@ from service.settings import ServiceSettings
 from service.storage.database import open_database
 from tests.support.running import LONG, QUICK, RunningService
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = [
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"),
 ]
-JOB_MS = 120_000
+JOB_MS = 240_000
 TOLERANCE_MM = 0.05
 FINGER_PX = 44
 
@@ -263,6 +263,7 @@ def test_the_pointer_asks_landmarks_and_surfaces(
     assert (landmark["segment"], landmark["t2"]) == (int(told[3]), pytest.approx(float(told[4]), rel=1e-3))
 
 
+@pytest.mark.nightly
 def test_centres_are_chosen_in_the_decision_graph(
     watched: Watched, registered: Job, running: RunningService
 ) -> None:
@@ -437,7 +438,7 @@ def test_a_job_that_fails_says_why(watched: Watched, design: Path, tmp_path: Pat
     expect(page.locator("#new-again")).to_be_visible()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.nightly)])
 def test_axe_finds_nothing_serious(watched: Watched, registered: Job, marked: Job, theme: str) -> None:
     page = watched.page
     if page.locator("html").get_attribute("data-theme") != theme:
@@ -457,6 +458,7 @@ def test_axe_finds_nothing_serious(watched: Watched, registered: Job, marked: Jo
         assert serious == [], serious
 
 
+@pytest.mark.nightly
 def test_the_keyboard_alone_will_do(watched: Watched, registered: Job) -> None:
     page = watched.open(registered)
     before = pixels(page)
@@ -486,6 +488,7 @@ def test_the_keyboard_alone_will_do(watched: Watched, registered: Job) -> None:
     expect(page.locator("#plot .mark")).to_have_attribute("visibility", "visible")
 
 
+@pytest.mark.nightly
 def test_a_tablet_has_room_for_fingers(browser: Browser, running: RunningService, registered: Job) -> None:
     context = browser.new_context(
         viewport={"width": 820, "height": 1180}, has_touch=True, reduced_motion="reduce"

@@ -25,7 +25,7 @@ def test_a_scan_is_registered_to_its_design(
     job = running.client.submit(design, scan, {**QUICK, "tolerance_mm": 0.5, "label": "e2e"})
     assert job.status is Status.ACCEPTED
     seen = []
-    final = running.client.wait(job.id, lambda now: seen.append(now.progress), interval_s=0.05, timeout_s=90)
+    final = running.client.wait(job.id, lambda now: seen.append(now.progress), interval_s=0.05, timeout_s=240)
     assert final.status is Status.SUCCESSFUL, final.error
     assert seen == sorted(seen)
     results = pipeline.RegistrationResult.model_validate(running.client.results(job.id))
@@ -69,7 +69,7 @@ def test_a_study_of_one_mesh(running: RunningService, design: Path, tmp_path: Pa
     job = running.client.submit(design, options=STUDY, job_type="study")
     seen: list[tuple[Stage | None, float]] = []
     running.client.wait(
-        job.id, lambda now: seen.append((now.stage, now.progress)), interval_s=0.02, timeout_s=90
+        job.id, lambda now: seen.append((now.stage, now.progress)), interval_s=0.02, timeout_s=240
     )
     assert running.successful(job.id).type == "study"
     assert [progress for _, progress in seen] == sorted(progress for _, progress in seen)

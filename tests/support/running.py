@@ -19,7 +19,7 @@ from tests.support import settings
 from tests.support.settings import FAST
 from tests.support.storage import S3, Postgres, free_port
 
-START_TIMEOUT_S = 90.0
+START_TIMEOUT_S = 180.0
 QUICK = {"settings": FAST}  # options of a job
 LONG = {"settings": settings.LONG}
 
@@ -98,7 +98,7 @@ class RunningService:
         process: psutil.Process = wait_until(self.job_processes, 5, "its process")[0]
         return process
 
-    def finish(self, job_id: str, seconds: float = 90.0) -> Job:
+    def finish(self, job_id: str, seconds: float = 240.0) -> Job:
         """Wait for the end of a job."""
         return self.client.wait(job_id, timeout_s=seconds, interval_s=0.1)
 

@@ -35,7 +35,7 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(url: str, queue: DbosQueu
 
     def run(job_id: str) -> None:
         ran.append(job_id)
-        gate.wait(10)
+        gate.wait(60)
 
     for job_id in ("a", "b", "b", "c"):
         queue.enqueue(job_id, 2)
@@ -44,14 +44,14 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(url: str, queue: DbosQueu
     runner = DbosRunner(url, "worker-1", 1, run)
     runner.start()
     try:
-        wait_until(lambda: ran == ["a"], 10, "the first job")
+        wait_until(lambda: ran == ["a"], 60, "the first job")
         assert queue.tickets() == {"a": "worker-1", "b": None}  # one at a time; both are somebody's
         gate.set()
-        wait_until(lambda: ran == ["a", "b"], 10, "the second job")
-        wait_until(lambda: not queue.tickets(), 10, "both tickets to be used up")
+        wait_until(lambda: ran == ["a", "b"], 60, "the second job")
+        wait_until(lambda: not queue.tickets(), 60, "both tickets to be used up")
         queue.requeue("a", 2)  # its row said that it waits, though its ticket is used up
         queue.requeue("c", 2)
-        wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 10, "both again")
+        wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 60, "both again")
     finally:
         runner.stop()
         DBOS.destroy(destroy_registry=True)
