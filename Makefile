@@ -66,10 +66,11 @@ servers: # PostgreSQL, which tests start themselves (Debian keeps its commands o
 	    echo "No PostgreSQL is installed (apt-get install postgresql): tests that need it are skipped."; \
 	fi
 
-check: $(READY) ## ruff, and mypy strict on both packages
+check: $(READY) ## ruff, mypy strict on both packages, the import order
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 format: $(READY) ## put the code in shape
 	$(BIN)/ruff check --fix .

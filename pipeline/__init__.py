@@ -8,6 +8,8 @@ Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first c
 """
 
 from pipeline.api import find_landmarks, find_segments, preload, register, study
+from pipeline.core import errors
+from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
 from pipeline.core.mesh_file import MeshFile
@@ -32,7 +34,9 @@ __all__ = [
     "StudyResult",
     "StudySettings",
     "Unit",
+    "code_fingerprint",
     "detect_format",
+    "errors",
     "find_landmarks",
     "find_segments",
     "preload",

@@ -9,13 +9,13 @@ import hashlib
 import json
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.analysis.inputs import InputMesh
 from pipeline.analysis.mesh_analysis import Analysis, Scales, analyse_mesh, describe_mesh
 from pipeline.analysis.symmetry_group import SymmetryGroup, find_symmetries
 from pipeline.core import archive
+from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.mesh import FloatArray
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
@@ -134,5 +134,5 @@ def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
     method = settings.model_dump(
         mode="json", exclude={"report"}
     )  # the report changes nothing of the analysis
-    sources = [content_sha256, ending, file.unit, method, seed, version("cusp")]
+    sources = [content_sha256, ending, file.unit, method, seed, code_fingerprint()]
     return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()

@@ -3,8 +3,8 @@ tests hold them against the schemas and the table, and the OpenAPI document show
 
 from typing import Any
 
-import pipeline.core.errors as mesh
 from pipeline import PipelineError, StudySettings
+from pipeline import errors as mesh
 from service.contract import errors
 from service.contract.errors import ServiceError, problem_of
 from service.contract.schemas import (

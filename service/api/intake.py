@@ -16,6 +16,7 @@ from starlette.datastructures import FormData, UploadFile
 
 from pipeline import detect_format
 from service.api.dependencies import Api
+from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
 from service.contract.errors import (
     IdempotencyMismatch,
@@ -27,7 +28,7 @@ from service.contract.errors import (
     UnsupportedMediaType,
 )
 from service.contract.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
-from service.contract.options import check_webhook, invalid_request, parse_options, read_json
+from service.contract.options import invalid_request, parse_options, read_json
 from service.contract.schemas import (
     Blob,
     BlobRef,

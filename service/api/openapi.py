@@ -2,7 +2,6 @@
 
 import json
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
@@ -38,27 +37,6 @@ def describe(app: FastAPI) -> None:
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign] # FastAPI's documented way
-
-
-def write(folder: Path) -> None:
-    """Write openapi.json and examples/*.json, and delete examples that are no more."""
-    from service.api.app import create_app  # which imports this module
-    from service.settings import ServiceSettings
-
-    target = folder / "examples"
-    target.mkdir(parents=True, exist_ok=True)
-    (folder / "openapi.json").write_text(as_text(create_app(ServiceSettings.model_construct()).openapi()))
-    wanted = examples()
-    for path in target.glob("*.json"):
-        if path.name not in wanted and not path.name.startswith("results."):  # those are real results
-            path.unlink()
-    for name, content in wanted.items():
-        (target / name).write_text(as_text(content))
-
-
-def as_text(content: Any) -> str:
-    """JSON as it is committed: readable, and the same every time."""
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def _document(app: FastAPI) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from service.contract.errors import (
     problem_of,
 )
 from service.contract.schemas import Problem, ProblemItem
-from service.storage.retry import what_is_away
+from service.storage.retry import unavailable_dependency
 
 MEDIA_TYPE = "application/problem+json"
 log = structlog.get_logger()
@@ -127,7 +127,7 @@ def _on_http_exception(request: Request, error: Exception) -> Response:
 
 def _on_anything_else(request: Request, error: Exception) -> Response:
     """What is away for a while is said so. All else is a mistake of ours: the client gets an id, the log the stack under it."""
-    if (away := what_is_away(error)) is not None:
+    if (away := unavailable_dependency(error)) is not None:
         log.warning("not ready", away=away, path=request.url.path, reason=str(error).splitlines()[0][:300])
         return _on_own_error(request, NotReady(f"{away}; send it again later"))
     instance = f"urn:uuid:{uuid.uuid4()}"

@@ -81,7 +81,7 @@ def openapi(out: Annotated[Path, typer.Option(help="folder to write to")] = Path
 
     `cusp openapi --out openapi`
     """
-    from service.api.openapi import write
+    from service.api.openapi_files import write
 
     write(out)
     typer.echo(f"wrote {out}/openapi.json and {out}/examples")

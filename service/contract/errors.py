@@ -7,8 +7,8 @@ table, `openapi/examples/` has one example of each, and a test fails when a clas
 from dataclasses import dataclass
 from typing import ClassVar
 
-import pipeline.core.errors as mesh
 from pipeline import PipelineError
+from pipeline import errors as mesh
 from service.contract.schemas import Problem, ProblemItem
 
 TYPE_PREFIX = "urn:cusp:problem:"

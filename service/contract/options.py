@@ -9,7 +9,6 @@ from pydantic import JsonValue, ValidationError
 from pipeline import Settings
 from service.contract.errors import BadRequest, InvalidOptions, InvalidRequest
 from service.contract.schemas import Options, ProblemItem
-from service.webhooks.address_guard import ForbiddenAddress, Guard
 
 
 def parse_options(given: object) -> Options:
@@ -23,7 +22,7 @@ def parse_options(given: object) -> Options:
         given = read_json(given, "options")
     if not isinstance(given, dict):
         raise InvalidOptions(
-            "options: must be a JSON object", errors=[_item("/options", "must be a JSON object")]
+            "options: must be a JSON object", errors=[problem_item("/options", "must be a JSON object")]
         )
     try:
         options = Options.model_validate(given)
@@ -31,27 +30,16 @@ def parse_options(given: object) -> Options:
     except ValidationError as error:
         prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
         items = problem_items(error, prefix)
-        raise InvalidOptions(_sentence(items), errors=items) from error
+        raise InvalidOptions(summarize(items), errors=items) from error
     if len(set(settings.study.detectors)) < len(settings.study.detectors):
         where = (
             "study"
             if options.study is not None and "detectors" in options.study.model_fields_set
             else "settings/study"
         )
-        item = _item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
-        raise InvalidOptions(_sentence([item]), errors=[item])
+        item = problem_item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
+        raise InvalidOptions(summarize([item]), errors=[item])
     return options
-
-
-def check_webhook(options: Options, guard: Guard) -> None:
-    """Refuse an address that will never be reached. Raises InvalidOptions."""
-    if options.webhook is None:
-        return
-    try:
-        guard.check_url(options.webhook.url)
-    except ForbiddenAddress as error:
-        item = _item("/options/webhook/url", str(error))
-        raise InvalidOptions(_sentence([item]), errors=[item]) from error
 
 
 def resolve_settings(options: Options) -> Settings:
@@ -65,7 +53,7 @@ def resolve_settings(options: Options) -> Settings:
 def invalid_request(error: ValidationError) -> InvalidRequest:
     """The problem of a JSON body that does not fit."""
     items = problem_items(error, [])
-    return InvalidRequest(_sentence(items), errors=items)
+    return InvalidRequest(summarize(items), errors=items)
 
 
 def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem]:
@@ -77,7 +65,7 @@ def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem
         )
         steps = [*prefix, *(str(step) for step in each["loc"])]
         items.append(
-            _item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
+            problem_item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
         )
     return items
 
@@ -101,11 +89,11 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str,
     return merged
 
 
-def _item(pointer: str, detail: str) -> ProblemItem:
+def problem_item(pointer: str, detail: str) -> ProblemItem:
     return ProblemItem(pointer=pointer, detail=detail[:300])
 
 
-def _sentence(items: list[ProblemItem]) -> str:
+def summarize(items: list[ProblemItem]) -> str:
     """`options.seed: Input should be ...`, for each; at most three."""
     told = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
     return "; ".join(told) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")

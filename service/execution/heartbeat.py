@@ -9,11 +9,9 @@ from typing import Self
 
 import structlog
 
-from service.storage.retry import DATABASE_AWAY
+from service.jobs.liveness import JOB_HEARTBEAT_S
+from service.storage.retry import DATABASE_UNAVAILABLE
 
-BEAT_INTERVAL_S = (
-    0.5  # a job is taken for lost after `reaper.DEAD_AFTER_MS`, and a dismissed one is stopped within 3 s
-)
 log = structlog.get_logger()
 
 
@@ -32,12 +30,12 @@ class Heartbeat:
         return not self._lost.is_set()
 
     def _run(self) -> None:
-        while not self._end.wait(BEAT_INTERVAL_S):
+        while not self._end.wait(JOB_HEARTBEAT_S):
             try:
                 if not self._beat():
                     self._lost.set()
                     return
-            except DATABASE_AWAY:
+            except DATABASE_UNAVAILABLE:
                 continue  # whose the job is will be asked when the database is back
             except Exception:
                 log.exception("heartbeat failed")

@@ -23,7 +23,7 @@ from service.jobs.store import JobStore
 from service.storage import design_cache
 from service.storage.blobs import BlobStore
 from service.storage.design_cache import DesignCache
-from service.storage.retry import DATABASE_AWAY, patiently, what_is_away
+from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
 
 Made = TypeVar("Made")
 log = structlog.get_logger()
@@ -117,7 +117,7 @@ class Worker:
             self._stopping.set()
             self._hand_back(row)
         except Exception as error:
-            if (away := what_is_away(error)) is not None:
+            if (away := unavailable_dependency(error)) is not None:
                 log.warning("job handed back", away=away, reason=str(error)[:300])
                 self._hand_back(row)
                 return
@@ -132,17 +132,17 @@ class Worker:
         """
         try:
             done = self._jobs.hand_back(row.id, row.attempt)
-        except DATABASE_AWAY:
+        except DATABASE_UNAVAILABLE:
             return False  # silent from now on: the reaper hands it on
         if done and self._stopping.is_set():
             self.handed_back.append(row)
         return done
 
-    def _patiently(self, act: Callable[[], Made], heart: Heartbeat) -> Made:
-        return patiently(act, is_worth_it=lambda: heart.is_ours and not self._stopping.is_set())
+    def _retry(self, act: Callable[[], Made], heart: Heartbeat) -> Made:
+        return retry_transient(act, is_wanted=lambda: heart.is_ours and not self._stopping.is_set())
 
     def _fail(self, row: JobRow, problem: Problem, heart: Heartbeat) -> None:
-        self._patiently(lambda: self._jobs.fail(row.id, row.attempt, problem), heart)
+        self._retry(lambda: self._jobs.fail(row.id, row.attempt, problem), heart)
 
     def _compute(self, row: JobRow, folder: Path, heart: Heartbeat) -> Outcome:
         folder.mkdir(parents=True, exist_ok=True)
@@ -154,7 +154,7 @@ class Worker:
 
         def on_progress(stage: str, percent: float, message: str) -> None:
             clock.enter(stage, message)
-            with suppress(*DATABASE_AWAY):  # told again soon
+            with suppress(*DATABASE_UNAVAILABLE):  # told again soon
                 self._jobs.beat(
                     row.id,
                     row.attempt,
@@ -201,7 +201,7 @@ class Worker:
 
     def _fetch(self, blob_id: str, path: Path, heart: Heartbeat, mesh: str) -> None:
         try:
-            self._patiently(lambda: self._blobs.fetch(blob_id, path), heart)
+            self._retry(lambda: self._blobs.fetch(blob_id, path), heart)
         except FileNotFoundError as error:
             raise UnknownBlob(f"{mesh}: the blob {blob_id} is stored here no more; send it again") from error
 
@@ -262,11 +262,11 @@ class Worker:
         """Store the files, then have the row point to them; False when the job was not ours any more, and nothing of this
         attempt is left. Another attempt's files are never touched: they may be the published ones.
         """
-        files = self._patiently(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
-        if self._patiently(lambda: self._jobs.succeed(row.id, row.attempt, files), heart):
+        files = self._retry(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
+        if self._retry(lambda: self._jobs.succeed(row.id, row.attempt, files), heart):
             return True
         # Not moved by this call. By an earlier one perhaps, whose answer was lost with the connection: ask the row.
-        now = self._patiently(lambda: self._jobs.find(row.id), heart)
+        now = self._retry(lambda: self._jobs.find(row.id), heart)
         if now is not None and now.published_attempt == row.attempt and now.removed_ms is None:
             return True
         self._blobs.remove_results(row.id, row.attempt)

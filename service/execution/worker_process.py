@@ -12,10 +12,11 @@ from service.execution.periodic import Chore
 from service.execution.sandbox import Limits, Sandbox, SandboxError
 from service.execution.worker import Worker
 from service.jobs.dispatcher import TicketDesk
+from service.jobs.liveness import DEAD_AFTER_MS, WORKER_HEARTBEAT_S
 from service.jobs.metrics import Metrics
 from service.jobs.models import now_ms
 from service.jobs.queue import DbosQueue, DbosRunner
-from service.jobs.reaper import DEAD_AFTER_MS, Reaper
+from service.jobs.reaper import Reaper
 from service.jobs.retention import Retention
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
@@ -28,7 +29,6 @@ from service.webhooks.outbox import Deliveries
 from service.webhooks.sender import Sender
 
 EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
-BEAT_INTERVAL_S = 1.0
 SWEEP_INTERVAL_S = 5.0
 RETENTION_INTERVAL_S = 60.0
 LOOK_INTERVAL_S = 0.2
@@ -68,9 +68,9 @@ def run_worker(settings: ServiceSettings) -> int:
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
     retention = Retention(jobs, blobs, designs, settings.retention_h)
-    alive = Chore("say that it lives", lambda: jobs.worker_beat(settings.worker_id), BEAT_INTERVAL_S).begin(
-        stop
-    )
+    alive = Chore(
+        "say that it lives", lambda: jobs.worker_beat(settings.worker_id), WORKER_HEARTBEAT_S
+    ).begin(stop)
     # After a database that was away, workers that were not heard of may be heard of again: wait for them.
     Chore("look for lost jobs", reaper.sweep, SWEEP_INTERVAL_S, DEAD_AFTER_MS / 1000).begin(stop)
     Chore("let go what is old", retention.sweep, RETENTION_INTERVAL_S).begin(stop)
@@ -82,7 +82,7 @@ def run_worker(settings: ServiceSettings) -> int:
     runner.stop()  # before the tickets: it would take them again
     for row in worker.handed_back:
         queue.requeue(row.id, row.turn)  # for whichever worker is there
-    alive.join(BEAT_INTERVAL_S)  # a last beat would undo the next line
+    alive.join(WORKER_HEARTBEAT_S)  # a last beat would undo the next line
     jobs.worker_gone(settings.worker_id)
     log.info("worker stops", handed_back=in_time)
     if worker.broken is not None:
@@ -96,5 +96,5 @@ def _is_taken(jobs: JobStore, worker_id: str) -> bool:
     heard_ms = jobs.worker_heard_ms(worker_id)
     if heard_ms is None or heard_ms < now_ms() - 60_000:
         return False
-    time.sleep(2.5 * BEAT_INTERVAL_S)
+    time.sleep(2.5 * WORKER_HEARTBEAT_S)
     return jobs.worker_heard_ms(worker_id) != heard_ms

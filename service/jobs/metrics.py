@@ -13,9 +13,9 @@ from sqlalchemy import Engine, Float, String, func, select, text, type_coerce
 from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
 
 from service.contract.schemas import Status
+from service.jobs.liveness import DEAD_AFTER_MS
 from service.jobs.models import Base, JobRow, WorkerRow, now_ms
 
-ALIVE_MS = 15_000  # a worker says so every second
 #: name -> its label, what it counts
 COUNTERS: dict[str, tuple[str, str]] = {
     "cusp_jobs_ended": (
@@ -99,7 +99,7 @@ class Metrics(Collector):
             alive = session.scalar(
                 select(func.count())
                 .select_from(WorkerRow)
-                .where(WorkerRow.heartbeat_ms >= now_ms() - ALIVE_MS)
+                .where(WorkerRow.heartbeat_ms >= now_ms() - DEAD_AFTER_MS)
             )
         for name, (label, words) in COUNTERS.items():
             family = CounterMetricFamily(name, words, labels=[label])
@@ -120,7 +120,9 @@ class Metrics(Collector):
         yield GaugeMetricFamily(
             "cusp_queue_oldest_seconds", "age of the job that waits longest; 0: none", waited_s
         )
-        yield GaugeMetricFamily("cusp_workers_alive", "workers heard of within 15 s", alive or 0)
+        yield GaugeMetricFamily(
+            "cusp_workers_alive", f"workers heard of within {DEAD_AFTER_MS // 1000} s", alive or 0
+        )
         yield GaugeMetricFamily(
             "cusp_disk_free_bytes", "room on the data volume", shutil.disk_usage(self._data_dir).free
         )

@@ -6,15 +6,13 @@ import structlog
 
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import Status
+from service.jobs.liveness import DEAD_AFTER_MS
 from service.jobs.models import MAX_CRASHES, JobRow, now_ms
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
-from service.storage.retry import DATABASE_AWAY
+from service.storage.retry import DATABASE_UNAVAILABLE
 
 LOST_AFTER_MS = 3_000  # the desk gives a job its ticket within milliseconds
-DEAD_AFTER_MS = (
-    15_000  # a running job's heartbeat comes every 0.5 s; other machines' clocks may be some seconds off
-)
 log = structlog.get_logger()
 
 
@@ -49,7 +47,7 @@ class Reaper:
         """One that cannot be queued now waits for the next sweep, and holds up no other."""
         try:
             self._queue.requeue(job_id, turn)
-        except DATABASE_AWAY:
+        except DATABASE_UNAVAILABLE:
             raise
         except Exception:
             log.exception("job not queued", job_id=job_id)
@@ -64,7 +62,7 @@ class Reaper:
                 JobCrashed(f"{MAX_CRASHES} workers died while they ran this job; report it with the job's id")
             )
             status = self._jobs.hand_on(row, problem)
-        except DATABASE_AWAY:
+        except DATABASE_UNAVAILABLE:
             raise
         except Exception:
             log.exception("a job's row cannot be read; see to it in the database", job_id=job_id)

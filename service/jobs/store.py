@@ -12,6 +12,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.orm import Session, sessionmaker
 
 from service.contract.schemas import JobType, Problem, Status
+from service.jobs.deliveries import DeliveryRow, announce
 from service.jobs.metrics import count
 from service.jobs.models import (
     DEFAULT_TENANT,
@@ -23,7 +24,6 @@ from service.jobs.models import (
     check_move,
     now_ms,
 )
-from service.webhooks.outbox import DeliveryRow, announce
 
 BLOB_ID = re.compile(r"sha256:[0-9a-f]{64}")
 log = structlog.get_logger()

@@ -12,8 +12,8 @@ from typing import Any
 import obstore
 from obstore.store import ObjectStore
 
+import pipeline
 from service.storage.blobs import CHUNK_BYTES
-from service.version import VERSION
 
 PREFIX = "designs"
 MIB = 1024 * 1024
@@ -67,5 +67,5 @@ def name_of(tenant: str, blob_id: str, design: dict[str, Any], settings: dict[st
     design : `unit` and `filename` of the task
     """
     ending = Path(design["filename"] or "").suffix.lower()
-    made_of = [tenant, blob_id, ending, design["unit"], settings, seed, VERSION]
+    made_of = [tenant, blob_id, ending, design["unit"], settings, seed, pipeline.code_fingerprint()]
     return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()

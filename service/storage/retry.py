@@ -1,9 +1,9 @@
-"""What is away for a while. A database or a store of files that restarts, or a disk that is full until somebody makes room,
-must cost nobody a job: a worker waits for it, the API says `not_ready`.
+"""Retries for what is unavailable for a while: a database or an object store that restarts, a disk that is full.
+
+No job fails for it. A worker waits until the dependency is back; the API answers `not_ready`.
 """
 
 import errno
-import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -11,24 +11,25 @@ import structlog
 from obstore.exceptions import BaseError as StoreError
 from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
+from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_delay, wait_fixed
 
-PATIENCE_S = 600.0
+RETRY_LIMIT_S = 600.0
 PAUSE_S = 1.0
-DATABASE_AWAY = (OperationalError, InterfaceError, PoolTimeout)
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-Made = TypeVar("Made")
+DATABASE_UNAVAILABLE = (OperationalError, InterfaceError, PoolTimeout)
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+Returned = TypeVar("Returned")
 log = structlog.get_logger()
 
 
-def what_is_away(error: BaseException) -> str | None:
-    """In words for clients, what has to come back before this error is gone; None when waiting would not help."""
-    if isinstance(error, DATABASE_AWAY):
+def unavailable_dependency(error: BaseException) -> str | None:
+    """The dependency that has to come back, in words for clients; None if a retry would not help."""
+    if isinstance(error, DATABASE_UNAVAILABLE):
         return "the database does not answer"
     if isinstance(error, FileNotFoundError | PermissionError):
         return None
-    if isinstance(error, OSError) and error.errno in NO_ROOM:
+    if isinstance(error, OSError) and error.errno in DISK_FULL:
         return "no room is left on the disk"
-    # What obstore raises while it streams is an OSError without a number.
+    # While it streams, obstore raises an OSError without an error number.
     if isinstance(error, StoreError) or (isinstance(error, OSError) and error.errno in (None, errno.EIO)):
         return (
             "no room is left on the disk"
@@ -38,16 +39,30 @@ def what_is_away(error: BaseException) -> str | None:
     return None
 
 
-def patiently(act: Callable[[], Made], *, is_worth_it: Callable[[], bool]) -> Made:
-    """What `act` returns, again and again while something is away; raises that error after PATIENCE_S, or once it is not
-    worth it any more. So `act` may be done twice: its first answer may have been lost on the way."""
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            return act()
-        except Exception as error:
-            away = what_is_away(error)
-            if away is None or time.monotonic() > deadline or not is_worth_it():
-                raise
-            log.warning("waits for what is away", away=away, reason=str(error).splitlines()[0][:300])
-            time.sleep(PAUSE_S)
+def retry_transient(call: Callable[[], Returned], *, is_wanted: Callable[[], bool]) -> Returned:
+    """Repeat `call` while a dependency is unavailable, and return what it returns.
+
+    Raises the last error after RETRY_LIMIT_S, or as soon as `is_wanted()` is false. `call` must be idempotent: it may
+    have succeeded although its answer was lost.
+    """
+
+    def should_retry(error: BaseException) -> bool:
+        return unavailable_dependency(error) is not None and is_wanted()
+
+    retrying = Retrying(
+        retry=retry_if_exception(should_retry),
+        stop=stop_after_delay(RETRY_LIMIT_S),
+        wait=wait_fixed(PAUSE_S),
+        before_sleep=_log_retry,
+        reraise=True,
+    )
+    return retrying(call)
+
+
+def _log_retry(state: RetryCallState) -> None:
+    error = None if state.outcome is None else state.outcome.exception()
+    if error is not None:
+        reason = str(error).splitlines()[0][:300]
+        log.warning(
+            "retry: a dependency is unavailable", unavailable=unavailable_dependency(error), reason=reason
+        )

@@ -4,30 +4,26 @@ A message is stored in the same transaction as the job's end, so none is lost, a
 receiver may get a message twice (a sender died after sending): `webhook-id` is the same then.
 """
 
-import json
 import secrets
 from base64 import b64encode
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from typing import Any
 
-import structlog
-from sqlalchemy import JSON, BigInteger, Engine, Index, String, Text, select, update
-from sqlalchemy.exc import DBAPIError, IntegrityError
-from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
+from sqlalchemy import BigInteger, Engine, String, select, update
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Mapped, mapped_column, sessionmaker
 
 from service.contract.schemas import Delivery, DeliveryAttempt, DeliveryList, DeliveryState
-from service.jobs.models import Base, JobRow, new_id, now_ms
-from service.jobs.views import job_of, time_of
+from service.jobs.deliveries import DeliveryRow
+from service.jobs.models import Base, now_ms
+from service.jobs.views import time_of
 
 #: Seconds from a failed attempt to the next: as Standard Webhooks advises, some two days in all.
 BACK_OFF_S = (5, 30, 120, 600, 1800, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3600)
 LEASE_MS = 60_000  # a sender that took a message and died: another may send it after this
 GONE = 410  # the receiver wants no more of it
 ROTATION_MS = 24 * 3_600_000  # so long messages are signed with the old secret too
-log = structlog.get_logger()
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,24 +42,6 @@ class Answer:
         return self.status is not None and 200 <= self.status < 300
 
 
-class DeliveryRow(Base):
-    """A message: what is sent, where to, and what became of each attempt. id : `webhook-id`"""
-
-    __tablename__ = "deliveries"
-    __table_args__ = (Index("deliveries_due", "state", "next_ms"), Index("deliveries_by_job", "job_id", "id"))
-
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    job_id: Mapped[str] = mapped_column(String(36))
-    tenant: Mapped[str] = mapped_column(String(64))
-    url: Mapped[str] = mapped_column(String(2000))
-    event: Mapped[str] = mapped_column(String(32))
-    body: Mapped[str] = mapped_column(Text)
-    state: Mapped[str] = mapped_column(String(16))  # schemas.DeliveryState
-    next_ms: Mapped[int] = mapped_column(BigInteger)
-    created_ms: Mapped[int] = mapped_column(BigInteger)
-    attempts: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
-
-
 class SecretRow(Base):
     """What a tenant's messages are signed with."""
 
@@ -73,45 +51,6 @@ class SecretRow(Base):
     secret: Mapped[str] = mapped_column(String(80))
     previous: Mapped[str | None] = mapped_column(String(80))
     created_ms: Mapped[int] = mapped_column(BigInteger)
-
-
-def announce(session: Session, job_id: str, at_ms: int) -> None:
-    """In the transaction that ends a job: store the message, when its client asked for one. A row that cannot be read (of a
-    later version, or damaged) ends as well, and nobody is told.
-    """
-    try:
-        message = _message(session.get_one(JobRow, job_id), at_ms)
-    except DBAPIError:
-        raise  # the transaction is void: it must not be taken for committed
-    except Exception:
-        log.exception("the end of a job cannot be told: its row cannot be read", job_id=job_id)
-        return
-    if message is not None:
-        session.add(message)
-
-
-def _message(row: JobRow, at_ms: int) -> DeliveryRow | None:
-    webhook = row.options.get("webhook")
-    if webhook is None:
-        return None
-    event = f"job.{row.status.value}"
-    told = {
-        "type": event,
-        "timestamp": datetime.fromtimestamp(at_ms / 1000, UTC).isoformat().replace("+00:00", "Z"),
-        "data": job_of(row).model_dump(mode="json"),
-    }
-    return DeliveryRow(
-        id=f"msg_{new_id()}",
-        job_id=row.id,
-        tenant=row.tenant,
-        url=webhook["url"],
-        event=event,
-        body=json.dumps(told, ensure_ascii=False, separators=(",", ":")),
-        state=DeliveryState.WAITING,
-        next_ms=at_ms,
-        created_ms=at_ms,
-        attempts=[],
-    )
 
 
 def delivery_list(rows: Sequence[DeliveryRow]) -> DeliveryList:

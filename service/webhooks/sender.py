@@ -10,9 +10,10 @@ import structlog
 from standardwebhooks import Webhook
 
 from service.contract.schemas import DeliveryState
+from service.jobs.deliveries import DeliveryRow
 from service.jobs.models import now_ms
 from service.webhooks.http_client import Poster
-from service.webhooks.outbox import Deliveries, DeliveryRow
+from service.webhooks.outbox import Deliveries
 
 LOOK_INTERVAL_S = 0.5
 SENDERS = 8

@@ -8,7 +8,6 @@ HEAVY = (
     "pymeshlab",
     "trimesh",
     "scipy",
-    "small_gicp",
     "matplotlib",
     "numpy",
     "dbos",

@@ -11,7 +11,7 @@ from typing import Any
 
 from service.api.app import create_app
 from service.api.examples import BLOB_ID, INSTANCE, JOB_ID, examples
-from service.api.openapi import as_text
+from service.api.openapi_files import as_text
 from service.settings import ServiceSettings
 
 FOUND = Path(__file__).parents[2] / "service" / "api" / "field_examples.json"

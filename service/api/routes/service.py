@@ -13,11 +13,10 @@ from service.api.problems import problems
 from service.contract.errors import NotReady
 from service.contract.job_types import JOB_TYPES
 from service.contract.schemas import Health, Limits, Version
+from service.jobs.liveness import DEAD_AFTER_MS
 from service.settings import MIB
 
 router = APIRouter(tags=["service"])
-
-WORKER_SILENT_MS = 15_000
 
 
 @router.get("/livez")
@@ -29,7 +28,7 @@ def livez() -> Health:
 @router.get("/readyz", responses=problems(503))
 def readyz(api: UseApi) -> Health:
     """Say that jobs are taken and run: the database answers, a worker lives and the disk has room."""
-    if not api.jobs.has_worker(WORKER_SILENT_MS):
+    if not api.jobs.has_worker(DEAD_AFTER_MS):
         raise NotReady("no worker is alive; jobs are accepted and wait for one")
     free_mib = shutil.disk_usage(api.settings.data_dir).free // MIB
     if free_mib < api.settings.min_free_disk_mib:

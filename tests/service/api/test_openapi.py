@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 import pipeline
 from service.api.app import create_app
 from service.api.examples import examples
-from service.api.openapi import as_text
+from service.api.openapi_files import as_text
 from service.contract.errors import TABLE, TYPE_PREFIX, ServiceError
 from service.contract.job_types import JOB_TYPES
 from service.contract.schemas import Blob, Job, JobRequest, Options, Problem, Results

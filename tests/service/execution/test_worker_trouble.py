@@ -25,7 +25,7 @@ pytestmark = pytest.mark.storages
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.storage.retry.PAUSE_S", 0.01)
-    monkeypatch.setattr("service.execution.heartbeat.BEAT_INTERVAL_S", 0.01)
+    monkeypatch.setattr("service.execution.heartbeat.JOB_HEARTBEAT_S", 0.01)
 
 
 def failing_first(
@@ -58,7 +58,7 @@ def test_a_worker_that_comes_back_too_late_leaves_the_published_files_alone(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its job was handed on, the second attempt has published, and only then the first one ends well."""
-    monkeypatch.setattr("service.execution.heartbeat.BEAT_INTERVAL_S", 60)  # it slept: it does not know
+    monkeypatch.setattr("service.execution.heartbeat.JOB_HEARTBEAT_S", 60)  # it slept: it does not know
 
     def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
         if service.sandbox.tasks[0] is not task:
