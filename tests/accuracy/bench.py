@@ -1,9 +1,9 @@
 """Does the whole job find the pose, and in how many seconds? `make bench` prints a table.
 
-Each design is registered to a copy with another triangulation, noise of 0.1 % and a smooth warp of 0.3 % of the
-diagonal, in a random pose, whole and with 30 % cut off; then the real pairs of CUSP_DATA, and parts that are not
-the design. Error: RMS
-displacement of the scan's vertices to the nearest equivalent true pose, in % of the design's diagonal.
+Each design is registered to a copy with another triangulation, noise of 0.1 % and a smooth warp of 0.3 % of
+the diagonal, in a random pose, whole and with 30 % cut off; then the real pairs of CUSP_DATA, and parts that
+are not the design. Error: RMS displacement of the scan's vertices to the nearest equivalent true pose, in %
+of the design's diagonal.
 """
 
 import json

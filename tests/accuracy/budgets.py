@@ -1,8 +1,8 @@
 """Seconds and memory of whole jobs through the service, POST to result: `python -m tests.accuracy.budgets`
 
-Two dental arches of 10,000 triangles, the first and the second scan of a design; with `--large` also a scan of a
-million triangles on a design of 200,000. With CUSP_DATA real arches, else the demo's. Overhead: POST to result, less
-the stages' own seconds.
+Two dental arches of 10,000 triangles, the first and the second scan of a design; with `--large` also a scan
+of a million triangles on a design of 200,000. With CUSP_DATA real arches, else the demo's. Overhead: POST to
+result, less the stages' own seconds.
 """
 
 import argparse
@@ -100,7 +100,8 @@ def main() -> None:
     console = Console(width=140)
     console.print(table)
     console.print(
-        f"overhead of a job: median {statistics.median(overheads):.2f} s; most memory of a job's process: {peak:.0f} MiB; "
+        f"overhead of a job: median {statistics.median(overheads):.2f} s; most memory of a job's process: "
+        f"{peak:.0f} MiB; "
         f"{psutil.cpu_count()} cores"
     )
 

@@ -1,10 +1,11 @@
-"""How often is a pose right that says it is? `python -m tests.accuracy.confidence --out FILE`, then `--fit FILE`
+"""How often is a pose right that says it is? `python -m tests.accuracy.confidence --out FILE`, then `--fit
+FILE`
 
-Cases that the gauntlet does not have, harder than its own (other seeds, pieces down to 15 %, noise up to 1 %, warp up to 2 %), are
-registered, and the best pose of each is right or wrong whatever the verdict would be. A logistic regression of that on
-`verification.evidence` is fitted on half of the shapes and judged on the other half; what is printed last, fitted on all of them,
-stands in `pipeline/verification/thresholds.py`. `--judge FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no
-part in it.
+Cases that the gauntlet does not have, harder than its own (other seeds, pieces down to 15 %, noise up to 1 %,
+warp up to 2 %), are registered, and the best pose of each is right or wrong whatever the verdict would be. A
+logistic regression of that on `verification.evidence` is fitted on half of the shapes and judged on the other
+half; what is printed last, fitted on all of them, stands in `pipeline/verification/thresholds.py`. `--judge
+FILE` is for the lines of `tests.accuracy.gauntlet`: cases that had no part in it.
 """
 
 import argparse
@@ -52,7 +53,9 @@ BINS = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 
 
 def specs(seeds: int) -> list[Spec]:
-    """Of every shape all conditions once, spread over the seeds; poses that are right and poses that cannot be."""
+    """Of every shape all conditions once, spread over the seeds; poses that are right and poses that
+    cannot be.
+    """
     found = []
     shapes = ("formula/demo arch", "formula/blob", *gauntlet_cases.UNIQUE, *gauntlet_cases.NEARLY_SYMMETRIC)
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
@@ -112,7 +115,8 @@ def run(todo: list[Spec], path: Path, processes: int) -> None:
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(
-                f"{number + 1} of {len(todo)}: {row['case']}: {row['status']}, {'right' if row['right'] else 'wrong'}"
+                f"{number + 1} of {len(todo)}: {row['case']}: {row['status']}, "
+                f"{'right' if row['right'] else 'wrong'}"
             )
 
 

@@ -1,11 +1,12 @@
 """Which descriptor finds a landmark again on the scan? `python -m tests.accuracy.descriptors`
 
-Three, and two of them together, at the same landmarks, with the pipeline's own pairing behind each: FPFH (Rusu et al. 2009);
-a signature of the features m, G and |l| averaged over four radii; the graph of geodesic distances from a landmark to the
-centres of the segments, as a histogram. "first" and "of 8": share of the scan's landmarks that have a counterpart (a landmark
-of the design within 1 % of the diagonal under the true pose) whose counterpart is nearest by descriptor, or among the eight
-that matching tries. "pose": share of scans for which a pair of such correspondences gives a pose within 5 % of the diagonal,
-from where ICP goes on. Scans are those of the gauntlet, of seeds of their own.
+Three, and two of them together, at the same landmarks, with the pipeline's own pairing behind each: FPFH
+(Rusu et al. 2009); a signature of the features m, G and |l| averaged over four radii; the graph of geodesic
+distances from a landmark to the centres of the segments, as a histogram. "first" and "of 8": share of the
+scan's landmarks that have a counterpart (a landmark of the design within 1 % of the diagonal under the true
+pose) whose counterpart is nearest by descriptor, or among the eight that matching tries. "pose": share of
+scans for which a pair of such correspondences gives a pose within 5 % of the diagonal, from where ICP goes
+on. Scans are those of the gauntlet, of seeds of their own.
 """
 
 import time
@@ -45,7 +46,9 @@ FIRST_SEED = 100  # not those of the gauntlet
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """One mesh with landmarks; working : mesh; fine : that of the features; centres : (s,) working vertices"""
+    """One mesh with landmarks; working : mesh; fine : that of the features; centres : (s,) working
+    vertices
+    """
 
     working: Mesh
     fine: Mesh
@@ -73,7 +76,9 @@ def by_fpfh(of: Marked, settings: Settings) -> FloatArray:
 
 
 def by_features(of: Marked, settings: Settings) -> FloatArray:
-    """(k, 12) m r, G r^2, |l| r at every radius r: pure numbers, each in units of its spread over the part."""
+    """(k, 12) m r, G r^2, |l| r at every radius r: pure numbers, each in units of its spread over the
+    part.
+    """
     _, at = nearest(of.fine.vertices, of.marks.position_mm)
     columns = []
     for radius_mm in of.scales.radius_mm * np.array(RADII):
@@ -108,7 +113,9 @@ TOGETHER = ("FPFH", "features, 4 radii")
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """first, of_eight : shares, None without counterparts; pose : a pair gives a pose near the truth; seconds : both meshes"""
+    """first, of_eight : shares, None without counterparts; pose : a pair gives a pose near the truth;
+    seconds : both meshes
+    """
 
     first: float | None
     of_eight: float | None
@@ -144,7 +151,9 @@ def trial(name: str, condition: str, seed: int) -> dict[str, Found]:
 
 
 def _scaled(of_design: FloatArray, values: FloatArray) -> FloatArray:
-    """So that both parts of a pair count alike: the design's landmarks are at unit distance from their mean, RMS."""
+    """So that both parts of a pair count alike: the design's landmarks are at unit distance from their
+    mean, RMS.
+    """
     middle = of_design.mean(axis=0)
     return (values - middle) / max(float(np.sqrt(((of_design - middle) ** 2).sum(axis=1).mean())), 1e-12)
 

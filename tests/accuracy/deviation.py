@@ -1,7 +1,7 @@
 """How long the deviation of a large scan takes: `python -m tests.accuracy.deviation`
 
-A part by formula and a print of it that is 0.3 % too large, a million triangles. Beside it trimesh's signed distance on some
-of the vertices (it grows linearly with them), which must give the same distances.
+A part by formula and a print of it that is 0.3 % too large, a million triangles. Beside it trimesh's signed
+distance on some of the vertices (it grows linearly with them), which must give the same distances.
 """
 
 import statistics

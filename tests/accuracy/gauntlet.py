@@ -1,14 +1,16 @@
-"""The gauntlet: is the pose right, is the verdict, and what do others find? `python -m tests.accuracy.gauntlet --peers`
+"""The gauntlet: is the pose right, is the verdict, and what do others find? `python -m
+tests.accuracy.gauntlet --peers`
 
-Every case of `gauntlet_cases.py` goes through `pipeline.register` on two PLY files, and with `--peers` through each of
-`peers.py`. One line of JSON a case and tool is appended to `--out` as it finishes; what is there already is not run
-again, so an interrupted run goes on; a new version of the pipeline needs a new file. `--table FILE` prints the tables
-of such a file only.
+Every case of `gauntlet_cases.py` goes through `pipeline.register` on two PLY files, and with `--peers`
+through each of `peers.py`. One line of JSON a case and tool is appended to `--out` as it finishes; what is
+there already is not run again, so an interrupted run goes on; a new version of the pipeline needs a new file.
+`--table FILE` prints the tables of such a file only.
 
-Right: RMS displacement of the scan's vertices to the nearest equivalent true pose within the case's tolerance: 1 % of
-the design's diagonal, twice the warp where that is more, 5 % for the depth camera; for a scan in other units also the
-unit. Wrong but `ok`: status `ok` and no right pose, or no pose is right. Rotation error: angle between the found and the
-nearest true pose; translation error: distance between the scan's centroids under the two, in % of the diagonal.
+Right: RMS displacement of the scan's vertices to the nearest equivalent true pose within the case's
+tolerance: 1 % of the design's diagonal, twice the warp where that is more, 5 % for the depth camera; for a
+scan in other units also the unit. Wrong but `ok`: status `ok` and no right pose, or no pose is right.
+Rotation error: angle between the found and the nearest true pose; translation error: distance between the
+scan's centroids under the two, in % of the diagonal.
 """
 
 import argparse
@@ -55,9 +57,10 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one tool made of one case. right : None where no pose is; at_rival : right, but only as one of `Case.rivals`,
-    which the scan cannot tell from the truth, so it must not be called `ok`; *_share : of the diagonal; rms_true_share : how
-    far the scan lies off the design under the nearest truth, to tell a wrong pose that fits better from one that does not;
+    """What one tool made of one case. right : None where no pose is; at_rival : right, but only as one of
+    `Case.rivals`, which the scan cannot tell from the truth, so it must not be called `ok`; *_share : of the
+    diagonal; rms_true_share : how far the scan lies off the design under the nearest truth, to tell a wrong
+    pose that fits better from one that does not;
     from_truth_share : error of ICP that starts at the truth
     """
 
@@ -155,7 +158,9 @@ def error(case: Case, T_design_scan: FloatArray) -> _Error | None:
 
 
 def _icp_from(truth: FloatArray, case: Case, points: FloatArray, surface: Surface) -> FloatArray:
-    """Where ICP ends that starts at the truth: what the surfaces themselves allow. The pipeline's own number of points."""
+    """Where ICP ends that starts at the truth: what the surfaces themselves allow. The pipeline's own
+    number of points.
+    """
     asked = pipeline.Settings().registration
     scan = Mesh(points, case.scan.faces)
     from_scan = ScanPoints.of(scan, asked.sample_points, 1)
@@ -172,7 +177,9 @@ def _icp_from(truth: FloatArray, case: Case, points: FloatArray, surface: Surfac
 
 
 def run_cusp(case: Case, kept: Path | None = None) -> Row:
-    """kept : folder with the analyses of designs, as a worker keeps them for the next scan; None makes each anew"""
+    """kept : folder with the analyses of designs, as a worker keeps them for the next scan; None makes
+    each anew
+    """
     with tempfile.TemporaryDirectory() as folder:
         design, scan = (
             save(case.design, Path(folder) / "design.ply"),
@@ -230,7 +237,9 @@ def _with(row: Row, **changed: object) -> Row:
 
 
 def compared(spec: Spec) -> bool:
-    """Peers have no word for what is not there, or is in another unit: they run where there is a pose to find."""
+    """Peers have no word for what is not there, or is in another unit: they run where there is a pose to
+    find.
+    """
     return spec.group in {
         *gauntlet_cases.CONDITIONS,
         "symmetric",
@@ -307,7 +316,9 @@ def read_rows(path: Path) -> dict[tuple[str, str], Row]:
 def run(
     todo: list[tuple[Spec, tuple[str, ...]]], processes: int, kept: Path | None
 ) -> Iterator[tuple[Spec, list[Row]]]:
-    """Case by case as they finish. A case whose process dies is tried once more alone, then written down as such."""
+    """Case by case as they finish. A case whose process dies is tried once more alone, then written down
+    as such.
+    """
     suspects: list[tuple[Spec, tuple[str, ...]]] = []
     left = iter(todo)
     while batch := list(islice(left, 2 * processes)):
@@ -411,9 +422,10 @@ def _quality(ours: list[Row], groups: list[str]) -> Table:
 
 
 def _success(rows: list[Row], tools: list[str], groups: list[str]) -> Table:
-    """Over the cases that every tool has run, so that the columns compare. A case for which all poses are wrong by their
-    very data (`Case.drift`) counts against all. "+n refused": the right pose was found, and the verdict gave none; peers have
-    no verdict."""
+    """Over the cases that every tool has run, so that the columns compare. A case for which all poses are
+    wrong by their very data (`Case.drift`) counts against all. "+n refused": the right pose was found, and
+    the verdict gave none; peers have no verdict.
+    """
     of = {
         tool: {row.case: row for row in rows if row.tool == tool and row.right is not None} for tool in tools
     }

@@ -1,39 +1,49 @@
-"""The cases of the gauntlet, each made afresh from its `Spec` = (group, shape, condition, seed), the same every time.
+"""The cases of the gauntlet, each made afresh from its `Spec` = (group, shape, condition, seed), the same
+every time.
 
-A scan is another triangulation of the part (6,000 to 11,000 vertices, by the seed), in a random pose, with noise
-along its normals (Gaussian) and a smooth warp (one sine wave an axis, about one a diagonal), and for a crop with
-what lies on one side of a random plane cut off. Every share is of the design's diagonal.
+A scan is another triangulation of the part (6,000 to 11,000 vertices, by the seed), in a random pose, with
+noise along its normals (Gaussian) and a smooth warp (one sine wave an axis, about one a diagonal), and for a
+crop with what lies on one side of a random plane cut off. Every share is of the design's diagonal.
 
 Which answers are right
 -----------------------
 - A part whose pose is unique: its pose, `ok`.
-- Exact symmetries of the design (`symmetries.py`, shares of the diagonal it leaves: rms <= 0.025 %, max <= 0.3 %):
-  every image of the pose is as right, cropped or not, as no measurement of the design can tell them apart. `ok`, and
-  one alternative at least flagged `symmetry_of_design`. Found: tensile_blank D4 (8 poses), ring_fixed_top D6 (12, up
-  to its triangulation, 0.02 %), lattice_cone C10 (10, the same, 0.014 %), pendulum and separator C2 (2), square_peg
-  D4 (8), the ring by formula C8 (8). As 0.02 % is not zero, `ambiguous` is no fault on the two marked so, nor on the
-  featureless bar.
-- Nearly symmetric: only the true pose is right; another one may leave so little that `ambiguous` is the better word.
-  What it leaves is measured for each case, without noise, over the part of the design that the scan still shows:
-  at most 1.5 times the warp (0.15 % at least): `ok` and `ambiguous` are both right; at most 0.03 %: only `ambiguous`
-  is, and the rival counts as found (`Case.rivals`), but not as `ok`. Near maps of whole parts: plate_holes 0.028 %
-  (half a turn; max 0.9 %, its other turns over 0.12 %), so101_mounting_plate 0.09 % (half a turn; max 1.4 %),
-  nist_am_artifact 0.6 % and more (every turn of the square), quality_nut 1.1 % (its turns by 60
-  degrees too are no symmetries), so101_upper_arm 1.3 %; every other shape 1.6 % and more, the organic ones over so
-  much of their surface that no crop hides it, so only the CAD parts (`MAY_REPEAT`) are examined.
-- A crop may leave too little to hold the part. `ok` and `under_constrained` are both right when moving the scan by the
-  tolerance changes its distances by less than the noise, or a third of the warp. When the surfaces themselves, by ICP
-  from the truth, pull the scan farther from it than the tolerance (`Case.drift`), no pose can be right:
-  `under_constrained` or `ambiguous`.
-- Mirrored: only parts whose mirror image leaves 0.3 % and more: fandisk 3.4, molars > 2.8, arch_012C 1.9, foot 1.7,
-  arch_013C 1.5, tooth 1.2, rocker_arm 1.1, arch_022C 0.8, cast 0.7, arch_001C 0.7, arch_h1 0.6, so101_upper_arm 0.33.
-  Left out as their own mirror image: so101_base 0.08 % (max 2.5 %), so101_mounting_plate, quality_nut, featuretype 0.1 %
-  (max 2.5 %), nist_am_artifact 0.39 % and fertility 0.34 % (close to the warp).
-- Rough mirrored: these two, and an arch, with noise and warp above what tells their handedness: `mirrored`, `ambiguous` and
+- Exact symmetries of the design (`symmetries.py`, shares of the diagonal it leaves: rms <= 0.025 %, max <=
+  0.3 %):
+  every image of the pose is as right, cropped or not, as no measurement of the design can tell them apart.
+  `ok`, and one alternative at least flagged `symmetry_of_design`. Found: tensile_blank D4 (8 poses),
+  ring_fixed_top D6 (12, up to its triangulation, 0.02 %), lattice_cone C10 (10, the same, 0.014 %), pendulum
+  and separator C2 (2), square_peg D4 (8), the ring by formula C8 (8). As 0.02 % is not zero, `ambiguous` is
+  no fault on the two marked so, nor on the featureless bar.
+- Nearly symmetric: only the true pose is right; another one may leave so little that `ambiguous` is the
+  better word.
+  What it leaves is measured for each case, without noise, over the part of the design that the scan still
+  shows: at most 1.5 times the warp (0.15 % at least): `ok` and `ambiguous` are both right; at most 0.03 %:
+  only `ambiguous` is, and the rival counts as found (`Case.rivals`), but not as `ok`. Near maps of whole
+  parts: plate_holes 0.028 % (half a turn; max 0.9 %, its other turns over 0.12 %), so101_mounting_plate 0.09
+  % (half a turn; max 1.4 %), nist_am_artifact 0.6 % and more (every turn of the square), quality_nut 1.1 %
+  (its turns by 60 degrees too are no symmetries), so101_upper_arm 1.3 %; every other shape 1.6 % and more,
+  the organic ones over so much of their surface that no crop hides it, so only the CAD parts (`MAY_REPEAT`)
+  are examined.
+- A crop may leave too little to hold the part. `ok` and `under_constrained` are both right when moving the
+  scan by the
+  tolerance changes its distances by less than the noise, or a third of the warp. When the surfaces
+  themselves, by ICP from the truth, pull the scan farther from it than the tolerance (`Case.drift`), no pose
+  can be right: `under_constrained` or `ambiguous`.
+- Mirrored: only parts whose mirror image leaves 0.3 % and more: fandisk 3.4, molars > 2.8, arch_012C 1.9,
+  foot 1.7,
+  arch_013C 1.5, tooth 1.2, rocker_arm 1.1, arch_022C 0.8, cast 0.7, arch_001C 0.7, arch_h1 0.6,
+  so101_upper_arm 0.33. Left out as their own mirror image: so101_base 0.08 % (max 2.5 %),
+  so101_mounting_plate, quality_nut, featuretype 0.1 % (max 2.5 %), nist_am_artifact 0.39 % and fertility 0.34
+  % (close to the warp).
+- Rough mirrored: these two, and an arch, with noise and warp above what tells their handedness: `mirrored`,
+  `ambiguous` and
   `no_match` are right, `ok` is wrong.
-- Fine pitch: a toothed bar and a ring with teeth, each with one mark that makes its pose unique; a step on, or turned over,
+- Fine pitch: a toothed bar and a ring with teeth, each with one mark that makes its pose unique; a step on,
+  or turned over,
   they fit nearly as well. What such a pose leaves is measured as for the nearly symmetric.
-- Body of revolution: one pose for each degree of the turn; `under_constrained`. Sphere, plane: `under_constrained` or
+- Body of revolution: one pose for each degree of the turn; `under_constrained`. Sphere, plane:
+  `under_constrained` or
   `no_match`, no pose to compare.
 """
 
@@ -63,7 +73,9 @@ from tests.support import shapes
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """noise, warp, crop : shares, of the diagonal and for `crop` of the scan; tolerance : RMS displacement that is right"""
+    """noise, warp, crop : shares, of the diagonal and for `crop` of the scan; tolerance : RMS
+    displacement that is right
+    """
 
     noise: float = 0.001
     warp: float = 0.003
@@ -197,9 +209,10 @@ class Spec:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """truths : every T_design_scan that is right (of the scan times `unit_factor`), none: no pose is; rivals : poses
-    that the scan cannot tell from those; expected : the statuses that are right; tolerance_share : of the diagonal,
-    RMS displacement; symmetric : `ok` has to flag its alternatives; drift : see `symmetries.drift`, None: not asked
+    """truths : every T_design_scan that is right (of the scan times `unit_factor`), none: no pose is; rivals
+    : poses that the scan cannot tell from those; expected : the statuses that are right; tolerance_share : of
+    the diagonal, RMS displacement; symmetric : `ok` has to flag its alternatives; drift : see
+    `symmetries.drift`, None: not asked
     """
 
     name: str
@@ -311,7 +324,9 @@ def build(spec: Spec) -> Case:
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """scan; T_design_scan; kept : what is left of the part, in place, without noise and warp; in_place : with them"""
+    """scan; T_design_scan; kept : what is left of the part, in place, without noise and warp; in_place :
+    with them
+    """
 
     scan: Mesh
     T_design_scan: FloatArray
@@ -422,7 +437,8 @@ def _steps(shape: str) -> list[FloatArray]:
 def moving_changes(kept: Mesh) -> float:
     """RMS change of the distances to a surface, over the RMS displacement, of the motion that it shows least.
 
-    The root of the smallest eigenvalue of the point-to-plane Hessian against the quadratic form of the displacement.
+    The root of the smallest eigenvalue of the point-to-plane Hessian against the quadratic form of the
+    displacement.
     """
     samples = sampling.on_surface(kept, 5000, 0)
     arm = samples.points - samples.points.mean(axis=0)

@@ -1,10 +1,12 @@
 """Are the exact distances right, and how much faster than the libraries? `make bench` prints the tables.
 
-(a) Side by side in one run with pygeodesic (exact), libigl (exact, when it can be imported) and potpourri3d (heat method): one
-full source, then everything of CFSFDP against all pairs. (b) Growth with n at about 100 neighbours inside d_c.
+(a) Side by side in one run with pygeodesic (exact), libigl (exact, when it can be imported) and potpourri3d
+(heat method): one full source, then everything of CFSFDP against all pairs. (b) Growth with n at about 100
+neighbours inside d_c.
 
-Wall and CPU seconds of medians; ours runs in all threads, a single source and every other library in one. "All pairs" is n times
-the median source of SOURCES evenly spread ones, and excludes sorting the pairs, which the all-pairs route also has to do.
+Wall and CPU seconds of medians; ours runs in all threads, a single source and every other library in one.
+"All pairs" is n times the median source of SOURCES evenly spread ones, and excludes sorting the pairs, which
+the all-pairs route also has to do.
 """
 
 import json
@@ -90,7 +92,9 @@ def meshes() -> Iterator[tuple[str, Mesh]]:
 
 
 def libraries(mesh: Mesh) -> Iterator[tuple[str, Callable[[], Callable[[int], FloatArray]]]]:
-    """Name, and what builds the function from a source to its (n,) distances; pygeodesic first, as reference."""
+    """Name, and what builds the function from a source to its (n,) distances; pygeodesic first, as
+    reference.
+    """
     vertices, faces = mesh.vertices, mesh.faces
 
     def exact() -> Callable[[int], FloatArray]:
@@ -132,7 +136,8 @@ def side_by_side(console: Console) -> None:
     table = Table(
         *("mesh", "n", "library", "build s", "a source s, wall (CPU)", "all pairs s", "times ours"),
         *("max rel. difference", "max error, % of diameter"),
-        title=f"One full source: medians of {SOURCES} ({SOURCES_OF_LARGE} at 80k); error against pygeodesic over the same",
+        title=f"One full source: medians of {SOURCES} ({SOURCES_OF_LARGE} at 80k); error against pygeodesic "
+        "over the same",
     )
     cfsfdp = Table(
         *(
@@ -189,8 +194,8 @@ def side_by_side(console: Console) -> None:
 
 
 def everything(mesh: Mesh) -> dict[str, Cost]:
-    """Seconds of each step of Rodriguez & Laio 2014 by exact distances, vertices counted; `all` is without the halo,
-    `halo` with it; `d_c` carries mm.
+    """Seconds of each step of Rodriguez & Laio 2014 by exact distances, vertices counted; `all` is without
+    the halo, `halo` with it; `d_c` carries mm.
     """
     rules = Settings.paper().segmentation
     costs: dict[str, Cost] = {}
@@ -244,7 +249,9 @@ def bumpy_torus(across: int) -> Mesh:
 
 
 def peak_rss_mib() -> float:
-    """Of this process since it was exec'd; `ru_maxrss` would remember the memory of the process that started it."""
+    """Of this process since it was exec'd; `ru_maxrss` would remember the memory of the process that
+    started it.
+    """
     (line,) = (
         line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM")
     )
@@ -297,7 +304,8 @@ def growth(console: Console) -> None:
     table = Table(
         *("n", "neighbours", "d_c mm", "runs", "balls", "delta, others", "us a vertex, both", "CPU us, both"),
         *("delta, global peaks", "number", "reach of the densest", "MiB at start", "after balls", "at end"),
-        title=f"Growth, bumpy torus by formula, q = {NEIGHBOURS}/n: wall (CPU) s. Global peaks: delta > 3 d_c. "
+        title=f"Growth, bumpy torus by formula, q = {NEIGHBOURS}/n: wall (CPU) s. Global peaks: delta > 3 "
+        "d_c. "
         "Must reach at 80k: balls <= 20 s, <= 1 GiB",
     )
     for across in GROWTH_ACROSS:

@@ -1,9 +1,9 @@
 """Are landmarks found again, where do they lie, and how long do they take? `make bench` prints tables.
 
-Repeatability as `pipeline/studies/repeatability.py` defines it: 20 points a detector, found again within 1 % of the diagonal on
-an independent triangulation with noise of 0.1 % of the diagonal, whole and with 30 % cut off; the registration error is
-that of the pose from the detector's points alone. Shapes in the first group were looked at while the default was
-chosen; those in the second were not.
+Repeatability as `pipeline/studies/repeatability.py` defines it: 20 points a detector, found again within 1 %
+of the diagonal on an independent triangulation with noise of 0.1 % of the diagonal, whole and with 30 % cut
+off; the registration error is that of the pose from the detector's points alone. Shapes in the first group
+were looked at while the default was chosen; those in the second were not.
 """
 
 import time
@@ -94,7 +94,9 @@ def _cells(of_detector: dict[Detector, RepeatabilityRow], what: str) -> list[str
 
 
 def teeth(console: Console, data: Path) -> None:
-    """Landmarks by tooth, and the bias of curvature maxima that the paper argues from: with as many points as T^2."""
+    """Landmarks by tooth, and the bias of curvature maxima that the paper argues from: with as many
+    points as T^2.
+    """
     table = Table(
         *(
             "arch",

@@ -1,14 +1,19 @@
-"""What others offer for the same job, on the same meshes: each a function (design, scan, seed) -> T_design_scan or None.
+"""What others offer for the same job, on the same meshes: each a function (design, scan, seed) ->
+T_design_scan or None.
 
-Every peer does its own global search; what it finds is then refined to the end by one and the same point-to-plane ICP
-(open3d), so that the table compares searches. None of them says whether its pose can be trusted: what it returns is its answer.
+Every peer does its own global search; what it finds is then refined to the end by one and the same
+point-to-plane ICP (open3d), so that the table compares searches. None of them says whether its pose can be
+trusted: what it returns is its answer.
 
-- Open3D RANSAC and FGR: voxel 2 % of the design's diagonal (1 and 1.5 % found fewer depth-camera pairs), FPFH within 5
+- Open3D RANSAC and FGR: voxel 2 % of the design's diagonal (1 and 1.5 % found fewer depth-camera pairs), FPFH
+  within 5
   voxels, matches within 1.5 and 0.5 voxels, as in Open3D's tutorial on global registration.
-- KISS-Matcher: Lim et al. 2025, package `kiss-matcher`, voxel 1 %, noise-bound clamping off, and the design's diagonal
+- KISS-Matcher: Lim et al. 2025, package `kiss-matcher`, voxel 1 %, noise-bound clamping off, and the design's
+  diagonal
   scaled to 100 (it is meant for metres, and refuses small voxels).
 - trimesh `mesh_other`: principal axes of inertia with flips, ICP of 500 samples, no scale, no reflection.
-- PCA + flips: principal axes of the samples, the four proper sign flips, each with the ICP, the lowest cost wins.
+- PCA + flips: principal axes of the samples, the four proper sign flips, each with the ICP, the lowest cost
+  wins.
 
 The scan's normals come from its triangles, for a cloud from neighbours, turned away from the centroid.
 """

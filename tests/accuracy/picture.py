@@ -1,7 +1,7 @@
 """A picture of the README: `python -m tests.accuracy.picture demo .github/demo.png`.
 
-Takes the folder that `cusp demo` wrote; draws the design with its segments and landmarks, the scan as uploaded, and
-the aligned scan coloured by its deviation.
+Takes the folder that `cusp demo` wrote; draws the design with its segments and landmarks, the scan as
+uploaded, and the aligned scan coloured by its deviation.
 """
 
 import csv
@@ -27,7 +27,9 @@ GREY = np.array([0.78, 0.77, 0.74])
 def render(
     mesh: Mesh, colours: FloatArray, eye: FloatArray, target: FloatArray, up: FloatArray
 ) -> FloatArray:
-    """(h, w, 4) picture by ray casting: vertex colours (n, 3), one light beside the camera, transparent behind."""
+    """(h, w, 4) picture by ray casting: vertex colours (n, 3), one light beside the camera, transparent
+    behind.
+    """
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
     rays = scene.create_rays_pinhole(32, target, eye, up, *SIZE)
@@ -104,7 +106,8 @@ def main(folder: Path, out: Path) -> None:
     titles = [
         f"uploaded: RMSE {metrics['rmse_initial_mm']:.1f} mm",
         f"{result['segments']['design']['count']} segments, {len(position)} landmarks",
-        f"registered: RMSE {metrics['rmse_mm']:.3f} mm, {len(result['landmarks']['matches'])} landmarks matched",
+        f"registered: RMSE {metrics['rmse_mm']:.3f} mm, {len(result['landmarks']['matches'])} landmarks "
+        "matched",
     ]
     for axis, image, title in zip(axes, (uploaded, analysed, deviation), titles, strict=True):
         axis.imshow(image)

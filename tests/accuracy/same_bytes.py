@@ -1,5 +1,6 @@
-"""Same input, same bytes? `python -m tests.accuracy.same_bytes` runs one registration twenty times, each in a process of its
-own, with 1 to 4 threads on one core or all, and compares every file; `timings_s` of results.json is left out.
+"""Same input, same bytes? `python -m tests.accuracy.same_bytes` runs one registration twenty times, each in a
+process of its own, with 1 to 4 threads on one core or all, and compares every file; `timings_s` of
+results.json is left out.
 """
 
 import argparse

@@ -1,8 +1,10 @@
-"""Under which motions is a shape its own image, exactly or nearly? And what does a cut-off piece of it still tell?
+"""Under which motions is a shape its own image, exactly or nearly? And what does a cut-off piece of it still
+tell?
 
-Found by registering samples of the shape to the shape itself: from every rotation of the cube and every n-fold turn
-(n <= 12) in its principal axes, and from random rotations, each about the centroid, by ICP on the exact surface. No
-part of the pipeline's own pose search is used, so the truths of the gauntlet do not rest on what they judge.
+Found by registering samples of the shape to the shape itself: from every rotation of the cube and every
+n-fold turn (n <= 12) in its principal axes, and from random rotations, each about the centroid, by ICP on the
+exact surface. No part of the pipeline's own pose search is used, so the truths of the gauntlet do not rest on
+what they judge.
 
 `python -m tests.accuracy.symmetries FILE...` prints both lists, proper and mirrored, of each file.
 """
@@ -60,10 +62,11 @@ def self_maps(mesh: Mesh, *, mirrored: bool = False) -> list[SelfMap]:
 
 
 def rivals(kept: Mesh, design: Mesh, maps: list[SelfMap]) -> list[SelfMap]:
-    """Other poses of a piece cut from `design` (in place, without noise) that the piece itself speaks against little.
+    """Other poses of a piece cut from `design` (in place, without noise) that the piece itself speaks against
+    little.
 
-    Started from `maps`, the near self-maps of the whole; the motions returned are as in `self_maps`, and may hold for
-    the piece only.
+    Started from `maps`, the near self-maps of the whole; the motions returned are as in `self_maps`, and may
+    hold for the piece only.
     """
     samples = sampling.on_surface(kept, POINTS // 2, 0)
     piece = _Piece(samples.points, samples.normals, Surface(design), design.diagonal_mm)
@@ -74,8 +77,9 @@ def rivals(kept: Mesh, design: Mesh, maps: list[SelfMap]) -> list[SelfMap]:
 
 
 def drift(scan_in_place: Mesh, design: Mesh) -> float:
-    """How far from the truth the surfaces themselves pull the scan: RMS displacement of ICP started there, share of
-    the diagonal. Above the tolerance nothing that looks at surfaces can be right."""
+    """How far from the truth the surfaces themselves pull the scan: RMS displacement of ICP started there,
+    share of the diagonal. Above the tolerance nothing that looks at surfaces can be right.
+    """
     samples = sampling.on_surface(scan_in_place, POINTS, 0)
     piece = _Piece(samples.points, samples.normals, Surface(design), design.diagonal_mm)
     return piece.apart(piece.refined(np.eye(4), iterations=40, reach=0.03), np.eye(4))

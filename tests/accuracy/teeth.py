@@ -1,8 +1,8 @@
 """Is one segment one tooth? `make bench` prints a table; needs the four labelled arches of CUSP_DATA.
 
-A vertex of the cleaned mesh has the label (0 gum, else tooth) of the largest area of triangles around it. The adjusted Rand index
-compares segments with teeth over the tooth vertices only: gum is left out of the index, whatever segment it is in. A tooth has a
-centre of its own when the centre of at least one segment lies on it.
+A vertex of the cleaned mesh has the label (0 gum, else tooth) of the largest area of triangles around it. The
+adjusted Rand index compares segments with teeth over the tooth vertices only: gum is left out of the index,
+whatever segment it is in. A tooth has a centre of its own when the centre of at least one segment lies on it.
 """
 
 import csv
@@ -45,7 +45,9 @@ class Score:
 
 
 def tooth_of_vertex(path: Path) -> IndexArray:
-    """(n,) label of each vertex of the *cleaned* mesh of the arch, from the labels of the file's triangles."""
+    """(n,) label of each vertex of the *cleaned* mesh of the arch, from the labels of the file's
+    triangles.
+    """
     file = load(pipeline.MeshFile(path), "mesh", LoadSettings(), needs_surface=True).mesh
     label_of_face = np.loadtxt(path.with_suffix(".teeth.txt"), dtype=np.int64)
     cleaned = read(path)
