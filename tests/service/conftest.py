@@ -21,7 +21,7 @@ from sqlalchemy import text
 from service.api.app import create_app
 from service.execution.sandbox import Outcome
 from service.execution.worker import Worker
-from service.jobs.dispatcher import TicketDesk
+from service.jobs.dispatcher import Dispatcher
 from service.jobs.metrics import Metrics
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
@@ -51,7 +51,7 @@ class NotingQueue:
     def drop(self, job_ids: Sequence[str]) -> None:
         self.waiting = [each for each in self.waiting if each not in job_ids]
 
-    def tickets(self) -> dict[str, str | None]:
+    def entries(self) -> dict[str, str | None]:
         return dict.fromkeys(self.waiting)
 
 
@@ -91,7 +91,7 @@ class Service:
     @property
     def waiting(self) -> list[str]:
         """Jobs with a ticket, once the desk has seen to it."""
-        TicketDesk(self.jobs, self.queue).serve()
+        Dispatcher(self.jobs, self.queue).dispatch()
         return self.queue.waiting
 
     def submit(self, options: str = "{}", **files: Any) -> httpx.Response:
