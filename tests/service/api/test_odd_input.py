@@ -115,7 +115,11 @@ def test_a_client_that_goes_away_is_no_mistake_of_ours(
         if said.count("client closed the connection") == 2:
             break
         assert service.http.get("/livez").status_code == 200
-    assert said.count("client closed the connection") == 2 and "Traceback" not in said and "unexpected error" not in said
+    assert (
+        said.count("client closed the connection") == 2
+        and "Traceback" not in said
+        and "unexpected error" not in said
+    )
     assert stored(service) == []
 
 

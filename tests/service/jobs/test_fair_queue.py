@@ -87,7 +87,7 @@ def test_each_tenants_jobs_keep_their_order_and_shares_are_even(of_module: Any, 
 
 def test_the_queue_is_told_the_turn_and_one_tenants_limit_leaves_room_for_others(service: Service) -> None:
     ids = [service.submitted() for _ in range(3)]
-    turns = [service.jobs.find(job_id).turn for job_id in ids]  # type: ignore[union-attr]
+    turns = [service.jobs.find(job_id).rank for job_id in ids]  # type: ignore[union-attr]
     assert turns == [1, 2, 3]
     assert service.waiting == ids
     assert service.queue.turns == dict(zip(ids, turns, strict=True))
