@@ -6,15 +6,15 @@ RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends ca-certificates g++ python3-dev python3-venv \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
-# Behind a mirror or a proxy that checks: --build-arg PIP_INDEX_URL=..., --build-arg PIP_CERT=/path/in/the/base.
+# Behind a mirror, or a proxy that inspects TLS: --build-arg PIP_INDEX_URL=..., --build-arg PIP_CERT=/path/in/the/base.
 ARG PIP_INDEX_URL
 ARG PIP_CERT
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python3 -m venv /opt/cusp
-# The libraries first: a change of our code does not fetch them again.
+# Libraries first, so that a change of our code does not download them again.
 COPY pyproject.toml constraints.txt ./
-RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > needed.txt \
-    && /opt/cusp/bin/pip install --constraint constraints.txt --requirement needed.txt
+RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > requirements.txt \
+    && /opt/cusp/bin/pip install --constraint constraints.txt --requirement requirements.txt
 COPY LICENSE README.md CMakeLists.txt ./
 COPY pipeline pipeline
 COPY service service
@@ -24,11 +24,11 @@ RUN /opt/cusp/bin/pip install --constraint constraints.txt . \
 
 FROM ${BASE} AS runtime
 LABEL org.opencontainers.image.title="Cusp" \
-      org.opencontainers.image.description="Register the scan of a 3D-printed part to its design, with nobody picking points." \
+      org.opencontainers.image.description="Register the scan of a 3D-printed part to its design, without manually picked points." \
       org.opencontainers.image.licenses="GPL-3.0-only"
-# What the wheels of open3d and pymeshlab expect of the system. Without libopengl0, pymeshlab loads but loses
-# its meshing filters, without a word: hence the check below, and another at each start of the service. Pango, HarfBuzz and
-# a font are for PDF reports.
+# System libraries of the open3d and pymeshlab wheels. Without libopengl0, pymeshlab loads but silently lacks its
+# meshing filters: hence the check below, and one at each start of the service. Pango, HarfBuzz and a font are for
+# PDF reports.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
         libegl1 libgl1 libopengl0 libusb-1.0-0 \
@@ -49,11 +49,11 @@ RUN ["python", "-c", "import pipeline; pipeline.preload()"]
 
 VOLUME /data
 EXPOSE 8000
-# Of `cusp up` and `cusp api`; a `cusp worker` has no port: its life shows in the API's /readyz.
+# For `cusp up` and `cusp api`. A `cusp worker` has no port: /readyz of the API tells whether it is alive.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=30s --retries=3 \
     CMD ["python", "-c", "import os, urllib.request; urllib.request.urlopen(f'http://127.0.0.1:{os.environ.get(\"CUSP_PORT\", \"8000\")}/readyz', timeout=4)"]
-# Inside a container every address but its own is "another machine": without API keys (`cusp keys create`) the service
-# refuses to start, unless CUSP_ALLOW_OPEN=1 says that something else guards the port (docker run -p 127.0.0.1:8000:8000).
+# In a container, every client is another machine. Without API keys (`cusp keys create`) the service refuses to start,
+# unless CUSP_ALLOW_OPEN=1 states that the port is guarded (docker run -p 127.0.0.1:8000:8000).
 ENV CUSP_HOST=0.0.0.0
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["cusp"]

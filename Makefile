@@ -3,8 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-# What the wheels of open3d and pymeshlab load; what sets the text of PDF reports; a compiler for the native kernels, and venv
-# itself.
+# System libraries of the open3d and pymeshlab wheels, text layout of PDF reports, a compiler for the kernels, venv.
 SYSTEM := libegl1 libgl1 libopengl0 libusb-1.0-0 \
     libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core \
     g++ python3-venv
@@ -37,7 +36,7 @@ $(READY): pyproject.toml constraints.txt CMakeLists.txt $(wildcard pipeline/kern
 	$(BIN)/python -c 'import pipeline; pipeline.preload()'
 	@touch $@
 
-demo: $(READY) ## register a dental arch by formula to its "print", through the whole service
+demo: $(READY) ## register a generated dental arch to its "print", through the whole service
 	$(BIN)/cusp demo
 
 serve: $(READY) ## start the service on HOST:PORT
@@ -72,11 +71,11 @@ check: $(READY) ## ruff, mypy strict on both packages, the import order
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: $(READY) ## put the code in shape
+format: $(READY) ## format the code and fix what ruff can fix
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-image-test: $(READY) ## build the image with what engine there is, run it, register the demo over HTTP, stop it
+image-test: $(READY) ## build the image with the available engine, run it, register the demo over HTTP, stop it
 	$(BIN)/python -m tests.image
 
 openapi: $(READY) ## write openapi/openapi.json and its examples

@@ -1,4 +1,4 @@
-"""Structured logs on standard error: for people on a terminal, one JSON object a line elsewhere."""
+"""Structured logs on standard error: readable on a terminal, one JSON object per line elsewhere."""
 
 import logging
 import sys
@@ -11,7 +11,7 @@ from service.settings import ServiceSettings
 
 
 def set_up_logs(settings: ServiceSettings, process: str) -> None:
-    """Send our events and those of the libraries the same way; `process` tells ours apart."""
+    """Configure logging of the service and its libraries. process : name in each line"""
     on_terminal = settings.log_format == "console" or (settings.log_format == "auto" and sys.stderr.isatty())
 
     def add_process(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -27,7 +27,8 @@ def set_up_logs(settings: ServiceSettings, process: str) -> None:
         [
             structlog.dev.ConsoleRenderer(
                 colors=sys.stderr.isatty(),
-                exception_formatter=structlog.dev.plain_traceback,  # the other prints whole meshes as locals
+                # the default prints whole meshes as locals
+                exception_formatter=structlog.dev.plain_traceback,
             )
         ]
         if on_terminal

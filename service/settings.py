@@ -1,4 +1,4 @@
-"""Every knob of the service, read from `CUSP_*` environment variables; every default runs."""
+"""All settings of the service, read from `CUSP_*` environment variables. All have defaults."""
 
 import os
 import re
@@ -37,39 +37,43 @@ class ServiceSettings(BaseSettings):
     job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
     max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
-    design_cache_mib: int = Field(
-        2048, ge=0, description="analyses of designs kept for their next scans; 0: none"
-    )
+    design_cache_mib: int = Field(2048, ge=0, description="size of the cache of design models; 0: no cache")
     retention_h: float = Field(
-        720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: for ever"
+        720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: no limit"
     )
     min_free_disk_mib: int = Field(
-        1024, ge=0, description="with less room on the data volume /readyz says not_ready"
+        1024, ge=0, description="with less free space on the data volume /readyz answers not_ready"
     )
     webhook_networks: str = Field(
-        "", description="networks that webhooks may reach though they are private: `10.1.0.0/16, 127.0.0.0/8`"
+        "", description="private networks that webhooks may reach: `10.1.0.0/16, 127.0.0.0/8`"
     )
-    queue_limit: int = Field(20_000, ge=1, description="jobs that may wait; more are refused (queue_full)")
+    queue_limit: int = Field(
+        20_000, ge=1, description="limit of waiting jobs; beyond it, jobs are refused (queue_full)"
+    )
     tenant_queue_limit: int = Field(
-        15_000, ge=1, description="jobs of one tenant that may wait; more are refused (tenant_queue_full)"
+        15_000,
+        ge=1,
+        description="limit of waiting jobs of one tenant; beyond it, jobs are refused (tenant_queue_full)",
     )
     rate_limit_per_s: int = Field(
         1000,
         ge=0,
-        description="requests a second of one key or address; more are refused (rate_limited); 0: any number",
+        description="limit of requests per second of one key or address (rate_limited); 0: no limit",
     )
     worker_id: str = Field(
         "",
         pattern=r"^[A-Za-z0-9._-]{0,100}$",
-        description="name of the worker: its own, and the same over restarts; empty: worker-1, on PostgreSQL the machine's name",
+        description="unique and constant name of the worker; empty: worker-1, on PostgreSQL the host name",
     )
-    log_level: Literal["debug", "info", "warning", "error"] = Field("info", description="least level logged")
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        "info", description="lowest level that is logged"
+    )
     log_format: Literal["auto", "console", "json"] = Field("auto", description="auto: console on a terminal")
 
     @field_validator("database_url", mode="after")
     @classmethod
-    def _is_postgresql(cls, given: SecretStr) -> SecretStr:
-        url = given.get_secret_value()
+    def _is_postgresql(cls, url_secret: SecretStr) -> SecretStr:
+        url = url_secret.get_secret_value()
         if url and not re.match(r"postgres(ql)?(\+psycopg)?://", url):
             raise ValueError("must be postgresql://user:password@host/name, or empty for SQLite")
         return SecretStr(re.sub(r"^postgres(ql)?(\+psycopg)?://", "postgresql+psycopg://", url))
@@ -78,7 +82,7 @@ class ServiceSettings(BaseSettings):
     @classmethod
     def _are_networks(cls, networks: str) -> str:
         for word in filter(None, (each.strip() for each in networks.split(","))):
-            ip_network(word)  # its ValueError says what is wrong
+            ip_network(word)  # raises ValueError with the reason
         return networks
 
     @field_validator("worker_id", mode="after")
@@ -99,37 +103,37 @@ class ServiceSettings(BaseSettings):
     @field_validator("data_dir", mode="after")
     @classmethod
     def _absolute(cls, data_dir: Path) -> Path:
-        """Jobs run in folders of their own: a path relative to where `cusp up` was called would lead nowhere there."""
+        """Jobs run in folders of their own, where a relative path would be wrong."""
         return data_dir.expanduser().absolute()
 
     @property
     def is_exposed(self) -> bool:
-        """True when other machines reach the address and nobody said that this is meant."""
+        """True if other machines can reach the address and `allow_open` is not set."""
         return not self.allow_open and not _is_loopback(self.host)
 
     @property
     def is_embedded(self) -> bool:
-        """True on SQLite: the data folder is one service's."""
+        """True on SQLite: one service owns the data folder."""
         return not self.database_url.get_secret_value()
 
     @property
     def database(self) -> str:
-        """URL of our tables: the truth about every job."""
+        """URL of the tables of jobs."""
         return self.database_url.get_secret_value() or f"sqlite:///{self.data_dir / 'cusp.db'}"
 
     @property
     def queue(self) -> str:
-        """URL of DBOS's tables: which job runs next. On PostgreSQL they are in a schema of their own."""
+        """URL of the tables of DBOS, which order the jobs. On PostgreSQL they have a schema of their own."""
         return self.database_url.get_secret_value() or f"sqlite:///{self.data_dir / 'queue.db'}"
 
     @property
     def blobs(self) -> str:
-        """URL of uploaded meshes and the files of results."""
+        """URL of uploaded meshes and result files."""
         return self.blob_url or f"file://{self.blob_dir}"
 
     @property
     def blob_dir(self) -> Path:
-        """Where they are without `blob_url`."""
+        """Folder of blobs without `blob_url`."""
         return self.data_dir / "blobs"
 
     @property
@@ -139,11 +143,11 @@ class ServiceSettings(BaseSettings):
 
     @property
     def tmp_dir(self) -> Path:
-        """Uploads being received: on the data volume, since /tmp is often small or in memory."""
+        """Uploads in progress: on the data volume, since /tmp is often small or in memory."""
         return self.data_dir / "tmp"
 
     def make_folders(self) -> None:
-        """Create the folders, readable for this user only."""
+        """Create the folders, accessible to this user only."""
         for folder in (self.data_dir, self.blob_dir, self.scratch_dir, self.tmp_dir):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 

@@ -1,4 +1,4 @@
-"""The API, assembled. Nothing happens at import; `create_app` is given everything it needs."""
+"""Assembly of the API. Importing this module has no side effects; `create_app` gets all it needs."""
 
 import tempfile
 from collections.abc import AsyncIterator
@@ -27,11 +27,11 @@ from service.webhooks.outbox import Deliveries
 
 
 def create_app(settings: ServiceSettings) -> FastAPI:
-    """The ASGI application on a data folder that is migrated already."""
+    """The ASGI application. The tables must be migrated already."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        tempfile.tempdir = str(settings.tmp_dir)  # where form uploads spill to
+        tempfile.tempdir = str(settings.tmp_dir)  # spooled form uploads
         engine = open_database(settings.database)
         with ExitStack() as stack:
             stack.callback(engine.dispose)
@@ -56,7 +56,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app.router.routes.append(page.assets)
     # errors
     problems.install(app)
-    # middleware, the innermost first
+    # middleware, innermost first
     app.add_middleware(DigestCheck)
     app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)

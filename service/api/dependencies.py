@@ -1,4 +1,4 @@
-"""What the handlers work with, opened once by `app.create_app` and closed with it."""
+"""The parts that handlers use, opened once by `app.create_app` and closed with it."""
 
 from dataclasses import dataclass
 from typing import Annotated, cast
@@ -31,10 +31,10 @@ class Api:
     rates: Rates
 
     def job(self, job_id: str, caller: Caller) -> JobRow:
-        """The caller's job, or the problem that there is none: another tenant's is as if it were not there."""
+        """The caller's job. Raises JobNotFound, also for a job of another tenant."""
         row = self.jobs.get(job_id, caller.tenant)
         if row is None:
-            raise JobNotFound(f"no job has the id {job_id!r}; it was never made here, or it was removed")
+            raise JobNotFound(f"no job has the id {job_id!r}; it does not exist, or it was removed")
         return row
 
 

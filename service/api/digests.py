@@ -1,4 +1,4 @@
-"""`Content-Digest` (RFC 9530): what was sent is what arrived, both ways. Of the algorithms sha-256 is looked at."""
+"""`Content-Digest` (RFC 9530) of requests and responses. Only the algorithm sha-256 is used."""
 
 import base64
 import hashlib
@@ -17,33 +17,34 @@ def content_digest(sha256: str) -> str:
 
 
 def check(header: str | None, sha256: str) -> None:
-    """Hold what the client announced, if it did, against what came.
+    """Compare the digest that the client announced, if any, with that of the received content.
 
     Raises
     ------
     BadRequest, DigestMismatch
     """
-    found = _SHA256.search(header or "")
-    if found is None:
+    match = _SHA256.search(header or "")
+    if match is None:
         return
     try:
-        announced = base64.b64decode(found[1], validate=True)
-    except ValueError as error:  # also of what is not ASCII
+        announced = base64.b64decode(match[1], validate=True)
+    except ValueError as error:  # also if it is not ASCII
         raise BadRequest("Content-Digest: sha-256 is not base64 between colons (RFC 9530)") from error
     if announced.hex() != sha256:
         raise DigestMismatch(
-            f"Content-Digest says sha-256 {announced.hex()[:16]}..., what came has {sha256[:16]}...; send it again"
+            f"Content-Digest announces sha-256 {announced.hex()[:16]}..., but the received content has "
+            f"{sha256[:16]}...; send it again"
         )
 
 
 class DigestCheck:
-    """ASGI middleware: a body that is not what its `Content-Digest` says is refused at its end, whoever reads it."""
+    """ASGI middleware: refuses a body that does not match its `Content-Digest`, when its end is read."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Hash what passes, when there is something to hold it against."""
+        """Hash the body if the request announces a digest."""
         announced = dict(scope["headers"]).get(b"content-digest") if scope["type"] == "http" else None
         if announced is None:
             await self._app(scope, receive, send)

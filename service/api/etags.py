@@ -1,4 +1,4 @@
-"""Strong ETags: a client that polls is told in a few bytes that nothing changed."""
+"""Strong ETags: a polling client gets an empty 304 if nothing changed."""
 
 import hashlib
 from collections.abc import Mapping
@@ -7,13 +7,13 @@ from fastapi import Request, Response
 
 
 def is_known(request: Request, etag: str) -> bool:
-    """True when the client says that it has exactly that."""
+    """True if the client has this version, by `If-None-Match`."""
     known = [tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")]
     return etag in known or "*" in known
 
 
 def conditional_json(request: Request, body: str, headers: Mapping[str, str]) -> Response:
-    """`body` with its ETag, or 304 when the client has exactly that."""
+    """`body` with its ETag, or 304 if the client has this version."""
     etag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
     all_headers = {**headers, "ETag": etag, "Cache-Control": "no-cache"}
     if is_known(request, etag):

@@ -1,5 +1,7 @@
-"""One example of every problem and of every document of the API: `cusp openapi` writes them to openapi/examples/,
-tests hold them against the schemas and the table, and the OpenAPI document shows them."""
+"""One example of every problem and of every document of the API.
+
+`cusp openapi` writes them to openapi/examples/, and the OpenAPI document shows them. Tests validate them.
+"""
 
 from typing import Any
 
@@ -39,39 +41,42 @@ SERVICE_ERRORS: list[ServiceError] = [
         errors=[ProblemItem(pointer="/options/settings/segmentation/quantil", detail="unknown key")],
     ),
     errors.UnsupportedType(
-        "type 'segment': this version runs registration, landmarks, study; without `type` it is the first"
+        "type 'segment': this version supports registration, landmarks, study; the default is the first"
     ),
-    errors.RateLimited("more than 1000 requests a second; send it again in 1 s"),
-    errors.TenantQueueFull("15000 jobs of yours wait already; send it again when some are done"),
-    errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored here; send it by PUT /v1/blobs first"),
+    errors.RateLimited("more than 1000 requests per second; send it again in 1 s"),
+    errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
+    errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
     errors.PayloadTooLarge(
-        "the request has more than the 512 MiB it may have; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
+        "the request is larger than the limit of 512 MiB; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
     ),
     errors.UnsupportedMediaType(
-        "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), or application/json"
+        "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), "
+        "or application/json"
     ),
     errors.IdempotencyMismatch(
-        f"Idempotency-Key 'order-7': job {JOB_ID} was started with it for other meshes or options; use a new key"
+        "Idempotency-Key 'order-7': it was used for a job with other meshes or options; use a new key"
     ),
-    errors.DigestMismatch("Content-Digest says sha-256 l5wr...; what came has qNsE...; send it again"),
-    errors.Unauthorized("the API key is not known here, or it was revoked; ask for another one"),
+    errors.DigestMismatch(
+        "Content-Digest announces sha-256 l5wr..., but the received content has qNsE...; send it again"
+    ),
+    errors.Unauthorized("the API key is unknown or revoked; ask the operator for another one"),
     errors.Forbidden("this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read"),
-    errors.NotFound("nothing is at /v1/job; see /docs"),
+    errors.NotFound("/v1/job does not exist; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
-    errors.JobNotFound(f"no job has the id '{JOB_ID}'; it was never made here, or it was removed"),
+    errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),
     errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
-    errors.QueueFull("20000 jobs wait already; send it again later"),
+    errors.QueueFull("20000 jobs are waiting; send it again later"),
     errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
-    errors.InternalError(f"an unforeseen error; the service goes on. Report it with the id {INSTANCE}"),
+    errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),
     errors.JobCrashed(
-        "the job's process was killed by SIGSEGV: a fault in native code, most often on a damaged mesh: "
-        "repair the mesh and send it again"
+        "the job's process was killed by SIGSEGV: a fault in native code, usually caused by a damaged mesh: "
+        "repair it and send it again"
     ),
     errors.JobOutOfMemory(out_of_memory_detail(4096)),
     errors.JobTimedOut(
-        "the job ran longer than the 900 s it may take and was stopped; decimate the meshes, "
+        "the job exceeded its time limit of 900 s and was stopped; decimate the meshes, "
         "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
     ),
 ]
@@ -106,7 +111,7 @@ MESH_ERRORS: list[PipelineError] = [
 def examples() -> dict[str, Any]:
     """File name -> JSON content."""
     raised: list[PipelineError | ServiceError] = [*SERVICE_ERRORS, *MESH_ERRORS]
-    told = {f"problem.{error.code}.json": problem_example(error) for error in raised}
+    problems = {f"problem.{error.code}.json": problem_example(error) for error in raised}
     documents = {
         **{
             f"job_request.{each.type}.json": each.model_dump(mode="json", exclude_unset=True)
@@ -116,11 +121,11 @@ def examples() -> dict[str, Any]:
         "blob.json": Blob(id=BLOB_ID, size=684, format="stl").model_dump(mode="json"),
         **{f"job.{status.value}.json": _job(status).model_dump(mode="json") for status in Status},
     }
-    return dict(sorted({**told, **documents}.items()))
+    return dict(sorted({**problems, **documents}.items()))
 
 
 def problem_example(error: PipelineError | ServiceError) -> dict[str, Any]:
-    """A problem as a client gets it."""
+    """A problem as a client receives it."""
     instance = INSTANCE if isinstance(error, errors.InternalError) else None
     return problem_of(error, instance=instance).model_dump(mode="json", exclude_none=True)
 
@@ -153,7 +158,7 @@ def _registration() -> RegistrationRequest:
 
 
 def _job(status: Status) -> Any:
-    begun = status is not Status.ACCEPTED
+    has_started = status is not Status.ACCEPTED
     crash = next(error for error in MESH_ERRORS if isinstance(error, mesh.NotFinite))
     problem: Problem | None = problem_of(crash) if status is Status.FAILED else None
     row = JobRow(
@@ -169,9 +174,9 @@ def _job(status: Status) -> Any:
             "scan": {"blob": OTHER_BLOB_ID, "filename": "bracket-0042.ply"},
         },
         created_ms=1_790_000_000_000,
-        started_ms=1_790_000_000_060 if begun else None,
+        started_ms=1_790_000_000_060 if has_started else None,
         finished_ms=1_790_000_004_210 if status.is_final else None,
-        attempt=1 if begun else 0,
+        attempt=1 if has_started else 0,
         error=problem.model_dump(exclude_none=True) if problem else None,
     )
     return job_of(row)

@@ -1,4 +1,6 @@
-"""Which key came with a request, and may it do this: `caller: Reads` or `caller: Writes` in a handler's arguments."""
+"""The caller of a request and its scopes: `caller: Reads` or `caller: Writes` among the arguments of a
+handler.
+"""
 
 from collections.abc import Callable
 from typing import Annotated
@@ -15,33 +17,37 @@ from service.contract.errors import Forbidden, Unauthorized
 _bearer = HTTPBearer(
     auto_error=False,
     scheme_name="ApiKey",
-    description="A key of `cusp keys create`. A service where none was ever made asks for none.",
+    description="A key made by `cusp keys create`. A service without any key needs none.",
 )
 
 
-def _who(
-    request: Request, api: UseApi, given: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+def _authenticate(
+    request: Request,
+    api: UseApi,
+    credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
 ) -> Caller:
     address = request.client.host if request.client else "unknown"
-    if not api.keys.are_asked_for():
+    if not api.keys.are_required():
         api.rates.count(address)
         check_origin(request, allow_open=api.settings.allow_open)
         return ANYBODY
-    caller = None if given is None else api.keys.caller(given.credentials)
+    caller = None if credentials is None else api.keys.caller(credentials.credentials)
     api.rates.count(address if caller is None else f"key {caller.key_id}")
-    if given is None:
-        wrong = "it is of another form" if "authorization" in request.headers else "there is none"
+    if credentials is None:
+        reason = (
+            "the header has another form" if "authorization" in request.headers else "the header is missing"
+        )
         raise Unauthorized(
-            f"send an API key as `Authorization: Bearer cusp_...`; {wrong} (`cusp keys create` makes keys)"
+            f"send an API key as `Authorization: Bearer cusp_...`; {reason} (`cusp keys create` makes keys)"
         )
     if caller is None:
-        raise Unauthorized("the API key is not known here, or it was revoked; ask for another one")
+        raise Unauthorized("the API key is unknown or revoked; ask the operator for another one")
     structlog.contextvars.bind_contextvars(tenant=caller.tenant, key_id=caller.key_id)
     return caller
 
 
 def _with(scope: Scope) -> Callable[[Caller], Caller]:
-    def caller(who: Annotated[Caller, Depends(_who)]) -> Caller:
+    def caller(who: Annotated[Caller, Depends(_authenticate)]) -> Caller:
         if not who.may(scope):
             has = ", ".join(sorted(who.scopes)) or "none"
             raise Forbidden(f"this needs a key with the scope {scope}; the key {who.key_id} has {has}")

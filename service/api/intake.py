@@ -1,5 +1,7 @@
-"""From a request to a stored job. A file is looked at just enough to refuse what cannot be a mesh; it is parsed
-in the job's own process only."""
+"""From a request to a stored job. Only the first bytes of a file are read here, to detect its format.
+
+The file is parsed in the process of the job only.
+"""
 
 import hashlib
 import json
@@ -55,7 +57,7 @@ log = structlog.get_logger()
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A mesh as it comes with a request."""
+    """A mesh file of a form."""
 
     name: str
     file: IO[bytes]
@@ -63,20 +65,20 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """A job as it was asked for. inputs : mesh name -> blob and filename"""
+class Submission:
+    """A validated request for a job. inputs : mesh name -> blob and filename"""
 
     job_type: JobType
     inputs: dict[str, Any]
     options: Options
 
     def sha256(self) -> str:
-        """Of the meshes' content, what decides their format, and the options."""
+        """Hash of the content of the meshes, their file name suffixes, the type and the options."""
         meshes = {
             name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()
         }
-        made_of = [self.job_type, meshes, self.options.model_dump(mode="json")]
-        return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+        parts = [self.job_type, meshes, self.options.model_dump(mode="json")]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 async def accept_job(request: Request, api: Api, caller: Caller, key: str | None) -> JobRow:
@@ -84,14 +86,15 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "multipart/form-data":
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
-            wanted = await run_in_threadpool(_from_form, api, caller, form, key)
+            submission = await run_in_threadpool(_from_form, api, caller, form, key)
     elif kind == "application/json":
-        wanted = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
+        submission = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
     else:
         raise UnsupportedMediaType(
-            f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), or application/json"
+            f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), "
+            "or application/json"
         )
-    return await run_in_threadpool(_store, api, caller, key, wanted)
+    return await run_in_threadpool(_store, api, caller, key, submission)
 
 
 async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
@@ -108,7 +111,7 @@ async def accept_blob(request: Request, api: Api, caller: Caller, filename: str 
     return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
-def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Wanted:
+def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Submission:
     job_type = parse_type(_text(form, "type", "registration"))
     given = sorted({name for name, _ in form.multi_items()})
     check_meshes(job_type, given)
@@ -123,10 +126,10 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Wan
     _check_room(api, caller, key)
     blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
-    return Wanted(job_type, inputs, options)
+    return Submission(job_type, inputs, options)
 
 
-def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Wanted:
+def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submission:
     given = read_json(body, "the body")
     if not isinstance(given, dict):
         raise InvalidRequest(
@@ -144,19 +147,19 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Wanted
     inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
         if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
-            raise UnknownBlob(f"{name}: no blob {ref.blob} is stored here; send it by PUT /v1/blobs first")
+            raise UnknownBlob(f"{name}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
     _check_room(api, caller, key)
-    return Wanted(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
 
 
-def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
+def _store(api: Api, caller: Caller, key: str | None, submission: Submission) -> JobRow:
     row = JobRow(
         id=new_id(),
         tenant=caller.tenant,
-        type=wanted.job_type,
-        inputs=wanted.inputs,
-        options=wanted.options.model_dump(mode="json"),
-        label=wanted.options.label,
+        type=submission.job_type,
+        inputs=submission.inputs,
+        options=submission.options.model_dump(mode="json"),
+        label=submission.options.label,
         attempt=0,
         crashes=0,
         progress=0.0,
@@ -164,10 +167,10 @@ def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
     if key is None:
         api.jobs.add(row)
     else:
-        stored = api.jobs.add_once(row, key, wanted.sha256())
+        stored = api.jobs.add_once(row, key, submission.sha256())
         if stored is None:
             raise IdempotencyMismatch(
-                f"Idempotency-Key {key!r}: a job was started with it for other meshes or options; use a new key"
+                f"Idempotency-Key {key!r}: it was used for a job with other meshes or options; use a new key"
             )
         if stored.id != row.id:
             log.info("job known by its idempotency key", job_id=stored.id)
@@ -177,7 +180,7 @@ def _store(api: Api, caller: Caller, key: str | None, wanted: Wanted) -> JobRow:
 
 
 def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:
-    """Check each upload and store it under its content; when one is refused, none is stored."""
+    """Check each upload and store it under its content; if one is refused, none is stored."""
     try:
         formats = {
             name: detect_format(upload.head, upload.size, filename, mesh=name if name in ALL_MESHES else None)
@@ -186,17 +189,17 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
     except BaseException:
         _discard(api, uploads)
         raise
-    blobs, left = {}, dict(uploads)
+    blobs, pending = {}, dict(uploads)
     try:
         for name, (upload, _) in uploads.items():
             api.blobs.keep(upload)
-            del left[name]
+            del pending[name]
             api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
             api.metrics.add("cusp_uploads", {formats[name].value: 1})
             api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
             blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
     except BaseException:
-        _discard(api, left)
+        _discard(api, pending)
         raise
     return blobs
 
@@ -214,14 +217,14 @@ def _received(api: Api, sources: list[Source]) -> dict[str, tuple[Upload, str | 
 
 def _discard(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> None:
     for upload, _ in uploads.values():
-        with suppress(Exception):  # swept later; what went wrong first is told
+        with suppress(Exception):  # retention deletes it later; the first error is the one to report
             api.blobs.discard(upload)
 
 
 def _source(form: FormData, name: str) -> Source:
     given = form.getlist(name)
     if len(given) != 1:
-        raise wrong_part(name, "the file is missing" if not given else "more than one file is given")
+        raise wrong_part(name, "the file is missing" if not given else "more than one file was sent")
     if not isinstance(given[0], UploadFile):
         raise wrong_part(name, f"must be a file, not text (with curl: -F {name}=@part.stl, mind the @)")
     return Source(name, given[0].file, given[0].filename or None)
@@ -240,15 +243,16 @@ def _text(form: FormData, name: str, default: str) -> str:
 
 
 def _check_room(api: Api, caller: Caller, key: str | None) -> None:
-    """A request that is sent again starts nothing: it is answered however full the queue is."""
+    """Refuse a job beyond the queue limits. A repeated request starts no job and is always answered."""
     if key is not None and api.jobs.knows_key(caller.tenant, key):
         return
     if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
         raise TenantQueueFull(
-            f"{api.settings.tenant_queue_limit} jobs of yours wait already; send it again when some are done"
+            f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting; "
+            "send it again when some are finished"
         )
     if api.jobs.count(Status.ACCEPTED) >= api.settings.queue_limit:
-        raise QueueFull(f"{api.settings.queue_limit} jobs wait already; send it again later")
+        raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send it again later")
 
 
 async def _body(request: Request) -> bytes:
@@ -256,5 +260,7 @@ async def _body(request: Request) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > MAX_TEXT_BYTES:
-            raise PayloadTooLarge(f"a JSON body may have {MAX_TEXT_BYTES} bytes; meshes go by PUT /v1/blobs")
+            raise PayloadTooLarge(
+                f"the limit of a JSON body is {MAX_TEXT_BYTES} bytes; send meshes by PUT /v1/blobs"
+            )
     return body

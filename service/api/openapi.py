@@ -1,4 +1,4 @@
-"""The OpenAPI document: what FastAPI finds, and what it cannot find by itself."""
+"""The OpenAPI document: what FastAPI generates, completed by what it cannot infer."""
 
 import json
 from importlib import resources
@@ -13,13 +13,13 @@ from service.api.problems import problems
 from service.api.request_bodies import EXTRA_SCHEMAS
 from service.contract.schemas import Problem
 
-DESCRIPTION = """Registers the scan of a 3D-printed part to its design, with nobody picking points.
+DESCRIPTION = """Registers the scan of a 3D-printed part to its design, without manually picked points.
 
-POST two meshes, poll the job, get JSON: verdict, transform, landmarks, RMSEs, deviation, and the files behind them.
-POST one mesh for its segments and landmarks (`type` `landmarks`), or for a study of what landmarks are worth (`study`).
+POST two meshes, poll the job, get JSON: verdict, transform, landmarks, RMSEs, deviation, and links to files.
+POST one mesh to get its segments and landmarks (`type` `landmarks`), or a study of its landmarks (`study`).
 Every error is an RFC 9457 problem with a stable `code`."""
 
-#: `Schema.field` -> a value out of the example documents (`python -m tests.support.field_examples`).
+#: `Schema.field` -> a value from the example documents (`python -m tests.support.field_examples`).
 FIELD_EXAMPLES: dict[str, Any] = json.loads(
     resources.files("service.api").joinpath("field_examples.json").read_text()
 )
@@ -29,7 +29,7 @@ WITHOUT_DATABASE = ("/livez", "/version")
 
 
 def describe(app: FastAPI) -> None:
-    """Have `app.openapi()` answer the whole document."""
+    """Make `app.openapi()` return the complete document."""
 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
@@ -51,7 +51,7 @@ def _document(app: FastAPI) -> dict[str, Any]:
     ):
         answers = operation["responses"]
         if path not in WITHOUT_DATABASE:
-            answers.setdefault("503", problems(503)[503])  # it may be away for a while, whatever is asked
+            answers.setdefault("503", problems(503)[503])  # the database may be unavailable
         if "application/json" in answers.get("422", {}).get("content", {}):
             answers["422"] = problems(422)[422]
         for status, answer in answers.items():
@@ -75,7 +75,7 @@ def _document(app: FastAPI) -> dict[str, Any]:
 
 def _problem_examples(status: int) -> dict[str, Any]:
     """Every problem with this status, by its code."""
-    told = [
+    matching = [
         each for name, each in examples().items() if name.startswith("problem.") and each["status"] == status
     ]
-    return {each["code"]: {"value": each} for each in told}
+    return {each["code"]: {"value": each} for each in matching}

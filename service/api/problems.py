@@ -1,4 +1,4 @@
-"""RFC 9457 everywhere: every exception a handler lets through becomes `application/problem+json`."""
+"""Errors as RFC 9457: every exception that leaves a handler becomes `application/problem+json`."""
 
 import uuid
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ log = structlog.get_logger()
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """For the OpenAPI document: these statuses answer a problem."""
+    """For the OpenAPI document: answers with these statuses are problems."""
     schema = {"$ref": "#/components/schemas/Problem"}
     return {
         status: {"description": "A problem.", "content": {MEDIA_TYPE: {"schema": schema}}}
@@ -41,9 +41,9 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 def problem_response(problem: Problem | dict[str, Any], headers: Mapping[str, str] | None = None) -> Response:
     """A problem as an HTTP answer with its own status."""
-    told = problem if isinstance(problem, Problem) else Problem.model_validate(problem)
-    body = told.model_dump_json(exclude_none=True)
-    return Response(body, status_code=told.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
+    document = problem if isinstance(problem, Problem) else Problem.model_validate(problem)
+    body = document.model_dump_json(exclude_none=True)
+    return Response(body, status_code=document.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
 
 
 def install(app: FastAPI) -> None:
@@ -57,9 +57,10 @@ def install(app: FastAPI) -> None:
 
 
 class CatchAll:
-    """ASGI middleware: a mistake of ours becomes a 500 problem, is logged once, and the connection lives on.
+    """ASGI middleware: an unexpected exception becomes a 500 problem and is logged once; the connection stays
+    open.
 
-    Starlette's own place for this logs and raises again, which makes the server log it a second time.
+    Starlette's handler of 500 raises again, so the server would log the exception a second time.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -67,19 +68,19 @@ class CatchAll:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on, and catch."""
-        has_begun = False
+        has_started = False
 
         async def send_noting(message: Message) -> None:
-            nonlocal has_begun
-            has_begun = has_begun or message["type"] == "http.response.start"
+            nonlocal has_started
+            has_started = has_started or message["type"] == "http.response.start"
             await send(message)
 
         try:
             await self._app(scope, receive, send_noting)
         except Exception as error:
-            if has_begun or scope["type"] != "http":
-                raise  # too late for another answer: the server cuts the connection
-            await _on_anything_else(Request(scope), error)(scope, receive, send)
+            if has_started or scope["type"] != "http":
+                raise  # too late for another answer: the server closes the connection
+            await _on_unexpected(Request(scope), error)(scope, receive, send)
 
 
 def _on_own_error(_: Request, error: Exception) -> Response:
@@ -105,8 +106,8 @@ def _on_invalid_request(_: Request, error: Exception) -> Response:
 
 
 def _on_disconnect(request: Request, _: Exception) -> Response:
-    """The client went away within its request: nobody reads this answer, and nobody made a mistake."""
-    log.info("client went away", path=request.url.path)
+    """The client closed the connection within its request: nobody reads this answer."""
+    log.info("client closed the connection", path=request.url.path)
     return problem_response(problem_of(BadRequest("the connection was closed before the end of the request")))
 
 
@@ -115,22 +116,25 @@ def _on_http_exception(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 (tells the type checker)
     match error.status_code:
         case 404:
-            known: ServiceError = NotFound(f"nothing is at {request.url.path}; see /docs")
+            known: ServiceError = NotFound(f"{request.url.path} does not exist; see /docs")
         case 405:
             known = MethodNotAllowed(f"{request.method} is not allowed at {request.url.path}; see /docs")
         case status if status < 500:
             known = BadRequest(f"{error.detail}")
         case _:
-            return _on_anything_else(request, error)
+            return _on_unexpected(request, error)
     return problem_response(problem_of(known), error.headers)
 
 
-def _on_anything_else(request: Request, error: Exception) -> Response:
-    """What is away for a while is said so. All else is a mistake of ours: the client gets an id, the log the stack under it."""
-    if (away := unavailable_dependency(error)) is not None:
-        log.warning("not ready", away=away, path=request.url.path, reason=str(error).splitlines()[0][:300])
-        return _on_own_error(request, NotReady(f"{away}; send it again later"))
+def _on_unexpected(request: Request, error: Exception) -> Response:
+    """503 if a dependency is unavailable, else 500: the client gets an id, and the log the stack under this
+    id.
+    """
+    if (unavailable := unavailable_dependency(error)) is not None:
+        reason = str(error).splitlines()[0][:300]
+        log.warning("not ready", unavailable=unavailable, path=request.url.path, reason=reason)
+        return _on_own_error(request, NotReady(f"{unavailable}; send it again later"))
     instance = f"urn:uuid:{uuid.uuid4()}"
-    log.error("unforeseen", instance=instance, path=request.url.path, exc_info=error)
-    detail = f"an unforeseen error; the service goes on. Report it with the id {instance}"
+    log.error("unexpected error", instance=instance, path=request.url.path, exc_info=error)
+    detail = f"an unexpected error; report it with the id {instance}"
     return problem_response(problem_of(InternalError(detail), instance=instance))

@@ -1,4 +1,6 @@
-"""What `POST /v1/jobs` takes, for the OpenAPI document: FastAPI cannot see it, since `intake.py` reads the request."""
+"""The body of `POST /v1/jobs` for the OpenAPI document. FastAPI cannot infer it: `intake.py` reads the
+request.
+"""
 
 from typing import Any
 
@@ -15,7 +17,7 @@ ABOUT = {
 
 
 def _form(job_type: JobType) -> dict[str, Any]:
-    """Which of all the parts a type needs, and which it refuses."""
+    """The form parts that a type needs, and those that it refuses."""
     needed, others = list(MESHES[job_type]), [name for name in ALL_MESHES if name not in MESHES[job_type]]
     return {
         "title": job_type,
@@ -29,7 +31,7 @@ def _reference(name: str) -> dict[str, str]:
     return {"$ref": f"#/components/schemas/{name}"}
 
 
-# All parts in one object, not an object a type: Swagger UI (/docs) shows fields to fill in only for that.
+# One object with all parts: Swagger UI (/docs) shows input fields only for a single object.
 _FORM: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,

@@ -8,7 +8,7 @@ from service.api.app import create_app
 from service.settings import ServiceSettings
 
 KEEP_ALIVE_S = 15
-STOP_TIMEOUT_S = 3  # for requests that run; a long poll gives up its wait
+STOP_TIMEOUT_S = 3  # for active requests; a long poll ends early
 
 
 def run_api(settings: ServiceSettings) -> int:
@@ -19,7 +19,7 @@ def run_api(settings: ServiceSettings) -> int:
 
 
 def configuration(settings: ServiceSettings) -> uvicorn.Config:
-    """Of the server."""
+    """Configuration of uvicorn."""
     return uvicorn.Config(
         create_app(settings),
         host=settings.host,
@@ -27,7 +27,7 @@ def configuration(settings: ServiceSettings) -> uvicorn.Config:
         log_config=None,  # ours is set up already
         access_log=settings.log_level == "debug",
         server_header=False,
-        # Whoever reaches the port may claim to be anybody: `X-Forwarded-For` is read only where uvicorn is told whom to trust.
+        # Any client may send `X-Forwarded-For`: it is read only if the trusted proxies are configured.
         proxy_headers="FORWARDED_ALLOW_IPS" in os.environ,
         timeout_keep_alive=KEEP_ALIVE_S,
         timeout_graceful_shutdown=STOP_TIMEOUT_S,

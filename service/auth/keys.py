@@ -1,7 +1,7 @@
 """API keys: who may do what, for whom. Only a hash of a key's secret is stored; the key itself is shown once.
 
-A service where no key was ever made asks for none and has one tenant; from the first key on, every request needs one.
-Revoking the last key does not open the service again.
+A service without any key needs none and has one tenant. From the first key on, every request needs one, also
+after the last key is revoked.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ TENANT = re.compile(r"[a-z0-9][a-z0-9_.-]{0,63}")
 
 
 class Scope(StrEnum):
-    """What a key allows; `admin` all of it."""
+    """What a key allows; `admin` includes the others."""
 
     WRITE = "jobs:write"
     READ = "jobs:read"
@@ -32,7 +32,7 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who asks. key_id : None where no key is asked for"""
+    """The caller of a request. key_id : None if the service needs no key"""
 
     tenant: str
     scopes: frozenset[Scope]
@@ -42,12 +42,12 @@ class Caller:
         return scope in self.scopes or Scope.ADMIN in self.scopes
 
 
-#: Of a service without keys.
+#: The caller of a service without keys.
 ANYBODY = Caller(DEFAULT_TENANT, frozenset(Scope), None)
 
 
 class KeyRow(Base):
-    """A key. Its secret has 256 random bits, so one plain SHA-256 of it tells nothing."""
+    """A key. Its secret has 256 random bits, so a plain SHA-256 of it is safe to store."""
 
     __tablename__ = "api_keys"
 
@@ -61,11 +61,11 @@ class KeyRow(Base):
 
 
 class BadTenant(ValueError):
-    """The name of a tenant that cannot be one."""
+    """An invalid name of a tenant."""
 
 
 class Exposed(Exception):
-    """The service would be open to other machines."""
+    """Other machines could reach the service without a key."""
 
 
 class KeyStore:
@@ -76,7 +76,7 @@ class KeyStore:
         self._clock_ms = clock_ms
 
     def create(self, tenant: str, scopes: Sequence[Scope], name: str = "") -> tuple[KeyRow, str]:
-        """A new key, and its text: the only time that it is seen.
+        """Create a key. Returns its row and its text, which is shown this once only.
 
         Raises
         ------
@@ -84,7 +84,8 @@ class KeyStore:
         """
         if not TENANT.fullmatch(tenant):
             raise BadTenant(
-                f"tenant {tenant!r}: up to 64 small letters, digits and . _ -, the first a letter or a digit"
+                f"tenant {tenant!r}: must be up to 64 lower-case letters, digits and . _ -, "
+                "beginning with a letter or digit"
             )
         key_id, secret = secrets.token_hex(6), secrets.token_urlsafe(32)
         row = KeyRow(
@@ -105,7 +106,7 @@ class KeyStore:
             return session.scalars(select(KeyRow).order_by(KeyRow.created_ms, KeyRow.id)).all()
 
     def revoke(self, key_id: str) -> bool:
-        """From now on the key is refused. False when there is none, or it was revoked before."""
+        """Revoke a key. False if it does not exist or was revoked before."""
         with self._session.begin() as session:
             done = session.execute(
                 update(KeyRow)
@@ -115,13 +116,13 @@ class KeyStore:
             )
             return done.scalar_one_or_none() is not None
 
-    def are_asked_for(self) -> bool:
-        """True once a key was made."""
+    def are_required(self) -> bool:
+        """True if any key exists, revoked ones included."""
         with self._session() as session:
             return session.scalar(select(KeyRow.id).limit(1)) is not None
 
     def caller(self, key: str) -> Caller | None:
-        """Whose key this is; None when it is none, or revoked."""
+        """The caller with this key; None if it is unknown or revoked."""
         prefix, _, rest = key.partition("_")
         key_id, _, secret = rest.partition("_")
         with self._session() as session:
@@ -137,14 +138,15 @@ def _hash(secret: str) -> str:
 
 
 def check_exposure(settings: ServiceSettings, keys: KeyStore) -> None:
-    """Without keys only this machine may ask.
+    """Refuse to listen beyond loopback without keys.
 
     Raises
     ------
     Exposed
     """
-    if settings.is_exposed and not keys.are_asked_for():
+    if settings.is_exposed and not keys.are_required():
         raise Exposed(
-            f"host {settings.host} is reachable from other machines and there are no API keys; make one by `cusp keys create "
-            "--tenant NAME`, or listen on 127.0.0.1, or say CUSP_ALLOW_OPEN=1 (--allow-open) where a firewall or a proxy guards it"
+            f"host {settings.host} is reachable from other machines and there are no API keys; make one by "
+            "`cusp keys create --tenant NAME`, listen on 127.0.0.1, or set CUSP_ALLOW_OPEN=1 (--allow-open) "
+            "if a firewall or a proxy guards it"
         )

@@ -1,4 +1,4 @@
-"""How many requests a second one caller may make of one API process."""
+"""The limit of requests per second of one caller, in one API process."""
 
 from limits import RateLimitItemPerSecond
 from limits.storage import MemoryStorage
@@ -16,6 +16,6 @@ class Rates:
         self._item = RateLimitItemPerSecond(max(per_s, 1))
 
     def count(self, who: str) -> None:
-        """Count a request. who : a key's id, or the address of one without a key. Raises RateLimited."""
+        """Count a request. who : id of the key, or address of a caller without one. Raises RateLimited."""
         if self._per_s and not self._limiter.hit(self._item, who):
-            raise RateLimited(f"more than {self._per_s} requests a second; send it again in 1 s")
+            raise RateLimited(f"more than {self._per_s} requests per second; send it again in 1 s")

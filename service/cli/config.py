@@ -1,4 +1,4 @@
-"""`cusp config show`: the settings in force, and where each is from."""
+"""`cusp config show`: the present settings, and the source of each."""
 
 import json
 import os
@@ -17,7 +17,7 @@ app = typer.Typer(help="The settings of the service.", no_args_is_help=True)
 
 
 @app.command()
-def show(as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False) -> None:
+def show(as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False) -> None:
     """Print every setting, its value and whether the environment set it. Passwords are not shown.
 
     `CUSP_JOBS=4 cusp config show`
@@ -25,8 +25,8 @@ def show(as_json: Annotated[bool, typer.Option("--json", help="for machines")] =
     try:
         settings = ServiceSettings()
     except ValidationError as error:
-        told = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
-        refuse("; ".join(told))
+        reasons = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        refuse("; ".join(reasons))
     rows = []
     for name, field in ServiceSettings.model_fields.items():
         variable = f"CUSP_{name.upper()}"

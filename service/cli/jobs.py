@@ -21,19 +21,18 @@ from service.cli.options import (
     progress_bar,
     refuse,
 )
-from service.client.requests import DEFAULT_SERVER, ServiceProblem, ServiceUnreachable
+from service.client import DEFAULT_SERVER, Client, ServiceProblem, ServiceUnreachable
 from service.client.results_table import print_results
-from service.client.sync import Client
 from service.contract.errors import ServiceError
 from service.contract.job_types import MESHES, parse_type
 from service.contract.options import parse_options, resolve_settings
 
 #: Exit code by verdict; 1 is bad input or a job that failed, 2 a wrong command line.
 EXITS = {"ok": 0, "no_match": 3, "mirrored": 4, "units_suspect": 5, "ambiguous": 6, "under_constrained": 7}
-PATIENCE_S = 2.0  # a person waits
+PATIENCE_S = 2.0  # short, since a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
-Tolerance = Annotated[float | None, typer.Option(help="for the shares within, above and below")]
+Tolerance = Annotated[float | None, typer.Option(help="limit for the shares within, above and below")]
 
 
 def register(
@@ -48,8 +47,10 @@ def register(
     settings: SettingsFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Register SCAN to DESIGN here, without a server. Exit code 0: verdict ok; 1: bad input; 3 to 7: no_match, mirrored,
-    units_suspect, ambiguous, under_constrained.
+    """Register SCAN to DESIGN without a server.
+
+    Exit code 0: verdict ok; 1: bad input; 3 to 7: no_match, mirrored, units_suspect, ambiguous,
+    under_constrained.
 
     `cusp register design.stl scan.ply --tolerance-mm 0.2 --out result`
 
@@ -83,7 +84,7 @@ def submit(
             dir_okay=False,
             readable=True,
             metavar="DESIGN SCAN | MESH",
-            help="a design and its scan; of the other types one mesh",
+            help="a design and its scan; one mesh for the other types",
         ),
     ],
     job_type: Annotated[
@@ -96,19 +97,21 @@ def submit(
     tolerance_mm: Tolerance = None,
     unit_design: UnitOption = "auto",
     unit_scan: UnitOption = "auto",
-    unit: Annotated[str, typer.Option(help="of the one mesh: auto, mm, cm, m or inch")] = "auto",
+    unit: Annotated[str, typer.Option(help="unit of the one mesh: auto, mm, cm, m or inch")] = "auto",
     seed: Seed = 0,
     settings: SettingsFile = None,
-    label: Annotated[str | None, typer.Option(help="yours, for finding the job again")] = None,
+    label: Annotated[str | None, typer.Option(help="free text, to find the job again")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Send DESIGN and SCAN, or one MESH, to a service. Without --wait, prints the job's id. Exit codes as of register.
+    """Send DESIGN and SCAN, or one MESH, to a service. Prints the id of the job, or with --wait its results.
+
+    With --wait, exit codes are those of register.
 
     `cusp submit design.stl scan.ply --wait --tolerance-mm 0.2`
 
     `cusp submit part.stl --type landmarks --out result`
 
-    `CUSP_API_KEY=cusp_... cusp submit design.stl scan.ply --server https://cusp.example.com --label "part 42"`
+    `CUSP_API_KEY=cusp_... cusp submit design.stl scan.ply --server https://cusp.example.com`
     """
     units = {"design": unit_design, "scan": unit_scan, "mesh": unit}
     given = options_of(preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm)
@@ -116,7 +119,8 @@ def submit(
         kind = parse_type(job_type)
         if len(meshes) != len(MESHES[kind]):
             refuse(
-                f"a {kind} job takes {len(MESHES[kind])} file(s) ({' and '.join(MESHES[kind])}), not {len(meshes)}"
+                f"a {kind} job takes {len(MESHES[kind])} file(s) ({' and '.join(MESHES[kind])}), "
+                f"not {len(meshes)}"
             )
         scan = meshes[1] if len(meshes) > 1 else None
         with Client(server, patience_s=PATIENCE_S) as client:
@@ -154,27 +158,27 @@ def submit(
 
 def demo(
     server: Server = DEFAULT_SERVER,
-    data_dir: Annotated[Path, typer.Option(help="of the service that is started when none runs")] = Path(
-        "cusp-data"
-    ),
+    data_dir: Annotated[
+        Path, typer.Option(help="data folder of the service that is started if none runs")
+    ] = Path("cusp-data"),
     out: Annotated[Path, typer.Option(help="folder for the meshes and the results")] = Path("cusp-demo"),
     design: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your design mesh")] = None,
     scan: Annotated[Path | None, typer.Option(exists=True, dir_okay=False, help="your scan mesh")] = None,
     seed: Seed = 0,
 ) -> None:
-    """Show the service at work: a dental arch by formula and a print of it, or your own two files.
+    """Run an example through the service: a generated dental arch and its print, or your own two files.
 
     `cusp demo`
 
     `cusp demo --design design.stl --scan scan.ply --out result`
     """
-    from service.demo.run import run_demo  # it draws on libraries that no other command needs
+    from service.demo.run import run_demo  # imports libraries that no other command needs
 
     raise typer.Exit(run_demo(server=server, data_dir=data_dir, out=out, design=design, scan=scan, seed=seed))
 
 
 def _conclude(results: dict[str, Any], out: Path | None, as_json: bool) -> None:
-    """Say what came out; of a registration, the exit code says whether its verdict is ok."""
+    """Print the results; the exit code of a registration tells its verdict."""
     if as_json:
         typer.echo(json.dumps(results, indent=2))
     else:

@@ -1,4 +1,4 @@
-"""Commands for API keys: create, list, revoke. They work on the data folder, while the service runs or not."""
+"""Commands for API keys: create, list, revoke. They use the database; the service may run or not."""
 
 import json
 from collections.abc import Iterator
@@ -22,10 +22,10 @@ DataDir = Annotated[Path | None, typer.Option(help="data folder of the service [
 def create(
     tenant: Annotated[str, typer.Option(help="whose jobs and meshes the key sees")] = "default",
     scope: Annotated[list[Scope] | None, typer.Option(help="repeat for more [jobs:write jobs:read]")] = None,
-    name: Annotated[str, typer.Option(help="yours, to know it in the list")] = "",
+    name: Annotated[str, typer.Option(help="free text, to find it in the list")] = "",
     data_dir: DataDir = None,
 ) -> None:
-    """Make a key and print it. It is shown this once; only a hash of it is stored.
+    """Make a key and print it. It is shown once; only a hash of it is stored.
 
     `cusp keys create --tenant acme --name "MES of line 2"`
     """
@@ -39,7 +39,7 @@ def create(
 
 @app.command("list")
 def list_keys(
-    data_dir: DataDir = None, as_json: Annotated[bool, typer.Option("--json", help="for machines")] = False
+    data_dir: DataDir = None, as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False
 ) -> None:
     """List the keys, without their secrets.
 
@@ -48,13 +48,13 @@ def list_keys(
     with _keys(data_dir) as keys:
         rows = keys.all()
     if as_json:
-        typer.echo(json.dumps([_told(row) for row in rows], indent=1))
+        typer.echo(json.dumps([_as_dict(row) for row in rows], indent=1))
         return
     table = Table("id", "tenant", "scopes", "name", "created", "revoked")
     for row in rows:
-        told = _told(row)
+        shown = _as_dict(row)
         table.add_row(
-            *(str(told[key] or "") for key in ("id", "tenant", "scopes", "name", "created", "revoked"))
+            *(str(shown[key] or "") for key in ("id", "tenant", "scopes", "name", "created", "revoked"))
         )
     Console().print(table)
 
@@ -63,7 +63,7 @@ def list_keys(
 def revoke(
     key_id: Annotated[str, typer.Argument(help="of `cusp keys list`")], data_dir: DataDir = None
 ) -> None:
-    """Refuse the key from now on. Its tenant's jobs stay.
+    """Revoke a key. The jobs of its tenant remain.
 
     `cusp keys revoke 1f0c9a77b2e4`
     """
@@ -79,7 +79,7 @@ def _keys(data_dir: Path | None) -> Iterator[KeyStore]:
         yield KeyStore(engine)
 
 
-def _told(row: KeyRow) -> dict[str, str | None]:
+def _as_dict(row: KeyRow) -> dict[str, str | None]:
     return {
         "id": row.id,
         "tenant": row.tenant,

@@ -43,7 +43,7 @@ def up(
         bool, typer.Option("--allow-open", help="listen beyond loopback although there are no API keys")
     ] = False,
 ) -> None:
-    """Run the service: the API and a worker. Options win over CUSP_* variables.
+    """Run the service: the API and a worker. Options override CUSP_* variables.
 
     `cusp up --port 8000 --data-dir /var/lib/cusp --jobs 2`
     """
@@ -59,7 +59,7 @@ def up(
 
 @app.command()
 def api() -> None:
-    """Run the API alone, one of many on CUSP_DATABASE_URL and CUSP_BLOB_URL.
+    """Run one API process. All parts share CUSP_DATABASE_URL and CUSP_BLOB_URL.
 
     `CUSP_DATABASE_URL=postgresql://cusp:...@db/cusp CUSP_BLOB_URL=s3://cusp CUSP_HOST=0.0.0.0 cusp api`
     """
@@ -68,9 +68,9 @@ def api() -> None:
 
 @app.command()
 def worker() -> None:
-    """Run a worker alone, one of many; each has a CUSP_WORKER_ID of its own.
+    """Run one worker process. Each needs its own CUSP_WORKER_ID.
 
-    `CUSP_DATABASE_URL=postgresql://cusp:...@db/cusp CUSP_BLOB_URL=s3://cusp CUSP_WORKER_ID=worker-7 cusp worker`
+    `CUSP_DATABASE_URL=postgresql://... CUSP_BLOB_URL=s3://cusp CUSP_WORKER_ID=worker-7 cusp worker`
     """
     become("worker")
 
@@ -94,7 +94,7 @@ def main() -> None:
 
 @contextmanager
 def _refusing() -> Iterator[None]:
-    """What forbids to start, in one line."""
+    """Print in one line why the service cannot start."""
     from service.auth.keys import Exposed
     from service.execution.supervisor import AlreadyRunning, NotApart
     from service.storage.database import NoDatabase
@@ -114,11 +114,11 @@ def _settings(**given: object) -> ServiceSettings:
             }
         )
     except ValidationError as error:
-        told = "; ".join(
+        reasons = "; ".join(
             ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")])
             for each in error.errors()
         )
-        _refuse(told)
+        _refuse(reasons)
 
 
 def _refuse(reason: str) -> NoReturn:

@@ -30,7 +30,7 @@ DETECTORS = "t2, gaussian_curvature, agd, hks, iss, gp, farthest or random"
 
 
 class Verb(Protocol):
-    """One of the door's verbs on one mesh."""
+    """A function of the public API on one mesh."""
 
     def __call__(
         self, mesh: MeshFile, *, settings: Settings, out: Path, seed: int, on_progress: OnProgress
@@ -43,7 +43,7 @@ def segment(
         str | None, typer.Option(help="cfsfdp, kmeans, fuzzy_cmeans, kmedians, kcenters or gaussian_mixture")
     ] = None,
     n_centres: Annotated[
-        int | None, typer.Option(help="number of segments; else what density peaks find")
+        int | None, typer.Option(help="number of segments; by default found by density peaks")
     ] = None,
     out: Out = Path("cusp-segments"),
     preset: Preset = "default",
@@ -52,7 +52,7 @@ def segment(
     settings: SettingsFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Cut MESH into segments: coloured PLY, table, decision graph.
+    """Segment MESH: coloured PLY, table, decision graph.
 
     `cusp segment part.stl --method kmeans --n-centres 14 --out segments`
     """
@@ -64,7 +64,7 @@ def segment(
 def landmarks(
     mesh: MeshPath,
     detector: Annotated[str | None, typer.Option(help=DETECTORS)] = None,
-    count: Annotated[int | None, typer.Option(help="at most so many, the strongest first")] = None,
+    count: Annotated[int | None, typer.Option(help="maximum number, the strongest first")] = None,
     out: Out = Path("cusp-landmarks"),
     preset: Preset = "default",
     unit: UnitOption = "auto",
@@ -86,20 +86,22 @@ def study(
     kind: Annotated[
         str | None, typer.Option(help="informativeness (the paper's protocol) or repeatability")
     ] = None,
-    trials: Annotated[int | None, typer.Option(help="10,000, or 5 a condition for repeatability")] = None,
+    trials: Annotated[
+        int | None, typer.Option(help="number of trials: 10,000, or 5 per condition for repeatability")
+    ] = None,
     detectors: Annotated[
         list[str] | None, typer.Option(help=f"to compare, with commas or repeated: {DETECTORS}")
     ] = None,
     noise_mm: Annotated[
-        float | None, typer.Option(help="how far the copy is moved; noise for repeatability")
+        float | None, typer.Option(help="displacement of the copy; noise for repeatability")
     ] = None,
     eps: Annotated[
-        float | None, typer.Option(help="repeatability: found again, as a share of the diagonal")
+        float | None, typer.Option(help="repeatability: distance of a match, as a share of the diagonal")
     ] = None,
     rotation_deg: Annotated[
-        float | None, typer.Option(help="informativeness: also turn by up to this")
+        float | None, typer.Option(help="informativeness: maximum rotation of the copy")
     ] = None,
-    count: Annotated[int | None, typer.Option(help="points a detector")] = None,
+    count: Annotated[int | None, typer.Option(help="points per detector")] = None,
     out: Out = Path("cusp-study"),
     preset: Preset = "default",
     unit: UnitOption = "auto",
@@ -107,7 +109,7 @@ def study(
     settings: SettingsFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure what the landmarks of MESH are worth, against other detectors: table, every trial, picture.
+    """Compare the landmarks of MESH with other detectors: table, all trials, plot.
 
     `cusp study part.stl --trials 1000 --detectors t2,iss,random`
 
@@ -129,7 +131,9 @@ def study(
 def _run(
     verb: Verb, mesh: Path, given: dict[str, Any], chosen: dict[str, dict[str, Any]], out: Path, as_json: bool
 ) -> None:
-    """Have `verb` compute, with `chosen` (section -> key -> value, None left out) over the settings, and say what came out."""
+    """Run `verb` and print its results. chosen : section -> key -> value that replaces a setting, None
+    ignored
+    """
     try:
         given["settings"] = _over(parse_options(given).settings, chosen)
         options = parse_options(given)

@@ -1,7 +1,7 @@
 """One part of the service in a process of its own: `python -m service.cli.part api|worker [--parent PID]`.
 
-`cusp up` starts both; `cusp api` and `cusp worker` become one. Apart from the command line, whose libraries the API would
-carry about for nothing.
+`cusp up` starts both; `cusp api` and `cusp worker` become one. Separate from the command line, since the API
+does not need its libraries.
 """
 
 import os
@@ -16,7 +16,9 @@ from service.settings import ServiceSettings
 
 
 def run_part(name: str, parent: int) -> int:
-    """Run until it is told to stop. parent : pid of `cusp up`, which prepared all, and with which this ends; 0: alone"""
+    """Run until a signal. parent : pid of `cusp up`, which prepared folders and tables, and with which this
+    ends; 0: none
+    """
     keep_secrets()
     try:
         settings = ServiceSettings()
@@ -48,13 +50,13 @@ def run_part(name: str, parent: int) -> int:
 
 
 def refuse(reason: str) -> int:
-    """Say why not, in one line. Returns the exit code."""
+    """Print the reason in one line. Returns the exit code."""
     print(f"cusp: {reason}", file=sys.stderr)  # noqa: T201 (for the terminal, before or instead of a log)
     return 1
 
 
 def become(name: str) -> NoReturn:
-    """Go on as this part, alone: the same process, without what was loaded so far."""
+    """Replace this process by this part, without the libraries loaded so far."""
     sys.stdout.flush()
     sys.stderr.flush()
     os.execv(sys.executable, [sys.executable, "-m", "service.cli.part", name])  # noqa: S606 (our own module)

@@ -1,4 +1,4 @@
-"""Commands for webhooks: show or change what a tenant's messages are signed with."""
+"""Commands for webhooks: show or rotate the secret of a tenant."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ app = typer.Typer(help="Webhooks: the secret that messages are signed with.", no
 @app.command()
 def secret(
     tenant: Annotated[str, typer.Option(help="whose messages")] = "default",
-    rotate: Annotated[bool, typer.Option("--rotate", help="make a new one; for a day both sign")] = False,
+    rotate: Annotated[bool, typer.Option("--rotate", help="make a new one; for a day both are used")] = False,
     data_dir: Annotated[
         Path | None, typer.Option(help="data folder of the service [CUSP_DATA_DIR or cusp-data]")
     ] = None,

@@ -1,14 +1,23 @@
-"""The typed Python client of the HTTP API.
+"""The Python client of the HTTP API; it needs no library that computes.
 
-    from service.client import Client, register
+from service.client import register
 
-    print(register("design.stl", "scan.stl", tolerance_mm=0.2).result().verdict.status)
-
-`Client` blocks; `AsyncClient` has the same methods with `await`. See docs/python.md.
+result = register("design.stl", "scan.stl", tolerance_mm=0.1).result()
+print(result.verdict.status, result.metrics.rmse_mm)
 """
 
-from service.client.aio import AsyncClient
-from service.client.requests import ServiceProblem, ServiceUnreachable
-from service.client.sync import Client, register
+from service.client.aio import AsyncClient, AsyncRunning
+from service.client.requests import DEFAULT_SERVER, JobOptions, ServiceProblem, ServiceUnreachable
+from service.client.sync import Client, Running, register
 
-__all__ = ["AsyncClient", "Client", "ServiceProblem", "ServiceUnreachable", "register"]
+__all__ = [
+    "DEFAULT_SERVER",
+    "AsyncClient",
+    "AsyncRunning",
+    "Client",
+    "JobOptions",
+    "Running",
+    "ServiceProblem",
+    "ServiceUnreachable",
+    "register",
+]

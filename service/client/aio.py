@@ -1,4 +1,4 @@
-"""The client with `await`.
+"""The asynchronous client.
 
 async with AsyncClient("http://127.0.0.1:8000") as cusp:
     jobs = [await cusp.register("design.stl", scan) for scan in scans]
@@ -27,12 +27,12 @@ CHUNK = 1 << 20
 
 
 class AsyncClient:
-    """Speaks to one server, many calls at a time. Close it, or use it as a context manager."""
+    """A connection to one server, for many calls at a time. Close it, or use it as a context manager."""
 
     def __init__(
         self, server: str = DEFAULT_SERVER, api_key: str | None = None, *, patience_s: float = PATIENCE_S
     ) -> None:
-        """As `Client`."""
+        """See `Client`."""
         self.server = server.rstrip("/")
         self._patience_s = patience_s
         self._http = httpx.AsyncClient(**calls.connection(self.server, api_key))
@@ -61,7 +61,7 @@ class AsyncClient:
         return AsyncRunning(self, await self._start("landmarks", {"mesh": mesh}, options), LandmarksResult)
 
     async def study(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "AsyncRunning[StudyResult]":
-        """Start a study of what landmarks are worth."""
+        """Start a study of the landmarks of a mesh."""
         return AsyncRunning(self, await self._start("study", {"mesh": mesh}, options), StudyResult)
 
     async def put_blob(self, mesh: Path | str) -> Blob:
@@ -69,19 +69,19 @@ class AsyncClient:
         return await self._do(calls.put_blob(Path(mesh)))
 
     async def job(self, job_id: str) -> Job:
-        """The status now."""
+        """The present status of a job."""
         return await self._do(calls.job(job_id))
 
     async def results(self, job_id: str) -> dict[str, Any]:
-        """results.json; of a failed job, raises its problem."""
+        """results.json. Raises ServiceProblem if the job failed."""
         return await self._do(calls.results(job_id))
 
     async def files(self, job_id: str) -> list[FileEntry]:
-        """What can be downloaded."""
+        """The files of a job."""
         return await self._do(calls.files(job_id))
 
     async def download(self, job_id: str, name: str, path: Path) -> Path:
-        """Stream one file of the job to `path`; a broken transfer leaves no file behind."""
+        """Stream one file of the job to `path`; an interrupted transfer leaves no file."""
         partial = path.with_name(path.name + ".part")
         try:
             async with self._http.stream("GET", f"/v1/jobs/{job_id}/files/{name}") as answer:
@@ -99,11 +99,11 @@ class AsyncClient:
             partial.unlink(missing_ok=True)
 
     async def dismiss(self, job_id: str) -> None:
-        """Drop, kill or remove the job, whichever applies."""
+        """Dismiss a waiting or running job; remove a final one."""
         await self._do(calls.dismiss(job_id))
 
     async def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
-        """Every mesh as a blob: a form would be read from the disk between the others' calls."""
+        """Send every mesh as a blob: reading a form from disk would block other calls."""
         sent = {
             name: mesh if isinstance(mesh, Blob) else await self.put_blob(mesh)
             for name, mesh in meshes.items()
@@ -134,7 +134,7 @@ class AsyncRunning(Generic[Result]):
 
     @property
     def id(self) -> str:
-        """Of the job: all that another process needs."""
+        """The id of the job; enough for another process to continue."""
         return self.job.id
 
     async def result(self, timeout_s: float | None = None) -> Result:
@@ -146,18 +146,18 @@ class AsyncRunning(Generic[Result]):
         return await self.client._do(calls.typed_results(self.id, self._type))
 
     async def download(self, folder: Path | str) -> list[Path]:
-        """Every file of the job, into a folder that is made when it is not there."""
+        """Download every file of the job to a folder, which is created if missing."""
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        found = await self.client.files(self.id)
-        return [await self.client.download(self.id, file.name, target / file.name) for file in found]
+        files = await self.client.files(self.id)
+        return [await self.client.download(self.id, file.name, target / file.name) for file in files]
 
     async def dismiss(self) -> None:
-        """Stop it."""
+        """Dismiss or remove the job."""
         await self.client.dismiss(self.id)
 
 
 async def _chunks(file: BinaryIO) -> AsyncIterator[bytes]:
-    """Read beside the event loop."""
+    """Read in a thread, to keep the event loop free."""
     while chunk := await asyncio.to_thread(file.read, CHUNK):
         yield chunk

@@ -1,7 +1,7 @@
-"""What a client says and hears, apart from how it is sent: shared by `Client` and `AsyncClient`.
+"""Requests and answers of a client, independent of the transport: shared by `Client` and `AsyncClient`.
 
-A call is sent again when the service did not answer or said 429 or 503, for as long as the client is patient. Sending
-a mesh twice does no harm: a blob has the id of its content, and a new job carries an `Idempotency-Key` of its own.
+A call is repeated for `patience_s` seconds while the service does not answer, or answers 429 or 503. This is
+safe: the id of a blob is the hash of its content, and each new job has an `Idempotency-Key`.
 """
 
 import json
@@ -24,7 +24,7 @@ from service.contract.schemas import Blob, FileEntry, FileList, Job, JobType, Pr
 
 DEFAULT_SERVER = "http://127.0.0.1:8000"
 CONNECT_TIMEOUT_S = 5.0
-TRANSFER_TIMEOUT_S = 300.0  # without a byte moving
+TRANSFER_TIMEOUT_S = 300.0  # without any transferred byte
 PATIENCE_S = 10.0
 BUSY = (429, 503)
 
@@ -34,7 +34,7 @@ OnSent = Callable[[int], None]
 
 
 class JobOptions(TypedDict, total=False):
-    """`options` of a request; what is left out has its default. Units: `{"scan": "inch"}`; webhook: `{"url": ...}`."""
+    """`options` of a request; all are optional. units : `{"scan": "inch"}`; webhook : `{"url": ...}`"""
 
     preset: Literal["default", "paper"]
     settings: Mapping[str, Any]
@@ -47,7 +47,7 @@ class JobOptions(TypedDict, total=False):
 
 
 class ServiceProblem(Exception):
-    """The service said no; `problem` is its RFC 9457 document, `retry_after_s` when to ask again, if it said so."""
+    """The service refused a request. problem : the RFC 9457 document; retry_after_s : requested delay"""
 
     def __init__(self, problem: Problem, retry_after_s: float | None = None) -> None:
         self.problem = problem
@@ -56,15 +56,15 @@ class ServiceProblem(Exception):
 
 
 class ServiceUnreachable(Exception):
-    """Nobody answers at the address."""
+    """No service answers at the address."""
 
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[R]):
-    """One request, and what its answer means.
+    """One request, and how its answer is parsed.
 
-    files : parts of a form; body : a file that is the whole body; on_sent : hears how many more bytes of them were read;
-    is_repeatable : it may be sent again although it may have arrived
+    files : parts of a form; body : a file that is the whole body; on_sent : called with the number of further
+    bytes sent; is_repeatable : may be repeated although it may have arrived
     """
 
     method: str
@@ -80,7 +80,7 @@ class Call(Generic[R]):
     is_repeatable: bool = True
 
     def request(self, opened: ExitStack) -> dict[str, Any]:
-        """Arguments for httpx; files are opened on the stack, anew for each attempt, and streamed."""
+        """Arguments for httpx; files are opened on the stack, again for each attempt, and streamed."""
         given: dict[str, Any] = {"params": dict(self.params), "headers": dict(self.headers)}
         if self.document is not None:
             given["json"] = self.document
@@ -96,17 +96,17 @@ class Call(Generic[R]):
 
     def _open(self, path: Path, opened: ExitStack) -> BinaryIO:
         file = opened.enter_context(path.open("rb"))
-        return file if self.on_sent is None else _Watched(file, self.on_sent)
+        return file if self.on_sent is None else _CountingReader(file, self.on_sent)
 
     def answer(self, response: httpx.Response) -> R:
-        """Raises ServiceProblem when the service said no."""
+        """Parse the answer. Raises ServiceProblem for an error."""
         if response.is_error:
             raise problem_of(response)
         return self.parse(response)
 
 
-class _Watched(BufferedReader):
-    """A file that tells how many bytes are read from it."""
+class _CountingReader(BufferedReader):
+    """A file that reports how many bytes are read."""
 
     def __init__(self, file: BufferedReader, on_sent: OnSent) -> None:
         super().__init__(file.raw)
@@ -126,7 +126,7 @@ def submit(
     idempotency_key: str | None = None,
     on_sent: OnSent | None = None,
 ) -> Call[Job]:
-    """meshes : files, or all of them blobs that were sent before."""
+    """Start a job. meshes : all files, or all blobs stored before"""
     key = {"Idempotency-Key": idempotency_key or uuid4().hex}
     if set(meshes) != set(MESHES[job_type]):
         wanted = " and ".join(MESHES[job_type])
@@ -145,7 +145,7 @@ def put_blob(mesh: Path, on_sent: OnSent | None = None) -> Call[Blob]:
 
 
 def job(job_id: str, wait_s: int = 0) -> Call[Job]:
-    """wait_s : the service answers when the job is final, or after so many seconds."""
+    """wait_s : the service answers when the job is final, or after this time"""
     return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
 
 
@@ -164,13 +164,15 @@ def files(job_id: str) -> Call[list[FileEntry]]:
 
 
 def dismiss(job_id: str) -> Call[None]:
-    """Not sent again: a second one removes the job that the first one stopped."""
+    """Not repeatable: a second call would remove the job that the first one stopped."""
     return Call("DELETE", f"/v1/jobs/{job_id}", lambda _: None, is_repeatable=False)
 
 
 def connection(server: str, api_key: str | None, *, keep_alive: bool = True) -> dict[str, Any]:
-    """Arguments of an httpx client. api_key : by default `CUSP_API_KEY` of the environment, if any; keep_alive : False
-    leaves no connection open between two calls, so that nobody needs to close the client
+    """Arguments of an httpx client.
+
+    api_key : by default `CUSP_API_KEY` of the environment, if set; keep_alive : False closes each connection
+    after its call, so that the client need not be closed
     """
     key = api_key or os.environ.get("CUSP_API_KEY")
     return {
@@ -178,15 +180,15 @@ def connection(server: str, api_key: str | None, *, keep_alive: bool = True) -> 
         "timeout": httpx.Timeout(TRANSFER_TIMEOUT_S, connect=CONNECT_TIMEOUT_S),
         "headers": {"Authorization": f"Bearer {key}"} if key else {},
         "limits": httpx.Limits(max_keepalive_connections=None if keep_alive else 0),
-        # A proxy of the environment is for the world outside; it cannot reach this machine's own loopback.
+        # A proxy cannot reach the loopback address of this machine.
         "trust_env": httpx.URL(server).host not in ("127.0.0.1", "::1", "localhost"),
     }
 
 
 def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
-    """Arguments of tenacity's retrying: what passes is tried again, for so long."""
+    """Arguments of tenacity: repeat a call after transient errors for `seconds`."""
 
-    def passes(error: BaseException) -> bool:
+    def is_transient(error: BaseException) -> bool:
         if isinstance(error, ServiceProblem):
             return error.problem.status in BUSY
         if not isinstance(error, ServiceUnreachable):
@@ -194,7 +196,7 @@ def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
         return call.is_repeatable or isinstance(error.__cause__, httpx.ConnectError)
 
     return {
-        "retry": retry_if_exception(passes),
+        "retry": retry_if_exception(is_transient),
         "stop": stop_after_delay(seconds),
         "wait": _pause_s,
         "reraise": True,
@@ -202,7 +204,7 @@ def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
 
 
 def _pause_s(state: RetryCallState) -> float:
-    """What the service asked for, else longer each time."""
+    """The delay that the service asked for, else an exponential one."""
     error = None if state.outcome is None else state.outcome.exception()
     asked = error.retry_after_s if isinstance(error, ServiceProblem) else None
     return wait_exponential(0.2, max=2)(state) if asked is None else asked
@@ -214,20 +216,20 @@ def unreachable(server: str, error: httpx.TransportError) -> ServiceUnreachable:
 
 
 def problem_of(answer: httpx.Response) -> ServiceProblem:
-    """The problem of an answer; of something that is not ours (a proxy), one made from its status."""
+    """The problem of an error answer; made from the status if a proxy sent it."""
     asked = answer.headers.get("Retry-After", "")
     retry_after_s = float(asked) if asked.isdigit() else None
     try:
         return ServiceProblem(Problem.model_validate_json(answer.content), retry_after_s)
     except ValidationError:
-        told = {
+        made = {
             "type": "about:blank",
             "title": answer.reason_phrase or "HTTP error",
             "status": answer.status_code,
             "detail": answer.text[:500],
             "code": "http_error",
         }
-        return ServiceProblem(Problem.model_validate(told), retry_after_s)
+        return ServiceProblem(Problem.model_validate(made), retry_after_s)
 
 
 def _job(answer: httpx.Response) -> Job:

@@ -1,17 +1,17 @@
-"""Client of the HTTP API: what `cusp submit` and `cusp demo` use, and yours if you like.
+"""The client of the HTTP API. `cusp submit` and `cusp demo` use it too.
 
-    from service.client.sync import register
+    from service.client import Client, register
 
     print(register("design.stl", "scan.stl", tolerance_mm=0.1).result().verdict.status)
 
     with Client("http://127.0.0.1:8000") as cusp:
-        design = cusp.put_blob("design.stl")                      # sent once, used for a thousand scans
+        design = cusp.put_blob("design.stl")                      # sent once for all scans
         jobs = [cusp.register(design, scan) for scan in scans]
         for job in jobs:
-            result = job.result()                                 # typed; of a failed job ServiceProblem is raised
+            result = job.result()                                 # raises ServiceProblem if the job failed
             print(result.verdict.status, result.metrics.rmse_mm)
 
-`service.client.aio` has the same with `await`.
+`service.client.AsyncClient` has the same methods with `await`.
 """
 
 import time
@@ -47,11 +47,11 @@ WAIT_S = 20  # that one request may stay open
 
 
 def _ignore(_: Job) -> None:
-    """Listener for callers that do not watch."""
+    """The default listener."""
 
 
 class Client:
-    """Speaks to one server. Not thread-safe; close it, or use it as a context manager."""
+    """A connection to one server. Not thread-safe; close it, or use it as a context manager."""
 
     def __init__(
         self,
@@ -61,8 +61,8 @@ class Client:
         patience_s: float = PATIENCE_S,
         keep_alive: bool = True,
     ) -> None:
-        """api_key : by default `CUSP_API_KEY` of the environment, if any; patience_s : how long a call is tried again
-        while nobody answers, or the service says that it is busy; keep_alive : as `calls.connection`
+        """api_key : by default `CUSP_API_KEY` of the environment, if set; patience_s : how long a call is
+        repeated while the service does not answer or is busy; keep_alive : as `requests.connection`
         """
         self.server = server.rstrip("/")
         self._patience_s = patience_s
@@ -81,7 +81,7 @@ class Client:
         self._http.close()
 
     def is_ready(self) -> bool:
-        """True when the service answers and can take jobs."""
+        """True if the service answers and accepts jobs."""
         try:
             return self._http.get("/readyz").status_code == httpx.codes.OK
         except httpx.TransportError:
@@ -100,7 +100,7 @@ class Client:
         return Running(self, self._start("landmarks", {"mesh": mesh}, options), LandmarksResult)
 
     def study(self, mesh: Mesh, **options: Unpack[JobOptions]) -> "Running[StudyResult]":
-        """Start a study of what landmarks are worth."""
+        """Start a study of the landmarks of a mesh."""
         return Running(self, self._start("study", {"mesh": mesh}, options), StudyResult)
 
     def submit(
@@ -112,24 +112,24 @@ class Client:
         job_type: JobType = "registration",
         on_sent: OnSent | None = None,
     ) -> Job:
-        """Upload the files as `curl` would, and start a job. Returns at once, with the job accepted.
+        """Upload the files in a form and start a job. Returns when the job is accepted.
 
         Parameters
         ----------
         mesh : the design of a registration; of the other types, the mesh
         scan : of a registration only
-        on_sent : hears how many more bytes of the files were sent
+        on_sent : called with the number of further bytes sent
         """
         first = "design" if job_type == "registration" else "mesh"
-        given: dict[str, Path | Blob] = {first: mesh} if scan is None else {first: mesh, "scan": scan}
-        return self._do(calls.submit(job_type, given, options or {}, on_sent=on_sent))
+        meshes: dict[str, Path | Blob] = {first: mesh} if scan is None else {first: mesh, "scan": scan}
+        return self._do(calls.submit(job_type, meshes, options or {}, on_sent=on_sent))
 
     def put_blob(self, mesh: Path | str) -> Blob:
         """Upload one mesh for later jobs."""
         return self._do(calls.put_blob(Path(mesh)))
 
     def job(self, job_id: str) -> Job:
-        """The status now."""
+        """The present status of a job."""
         return self._do(calls.job(job_id))
 
     def wait(
@@ -140,12 +140,12 @@ class Client:
         interval_s: float = 0.2,
         timeout_s: float | None = None,
     ) -> Job:
-        """Poll until the job is final; `on_update` hears every status, the last one included.
+        """Poll until the job is final; `on_update` is called with every status, the last one included.
 
         Raises
         ------
         TimeoutError
-            When the job is not final after `timeout_s`; it goes on running.
+            If the job is not final after `timeout_s`; it continues to run.
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         while True:
@@ -158,15 +158,15 @@ class Client:
             time.sleep(interval_s)
 
     def results(self, job_id: str) -> dict[str, Any]:
-        """results.json; of a failed job, raises its problem."""
+        """results.json. Raises ServiceProblem if the job failed."""
         return self._do(calls.results(job_id))
 
     def files(self, job_id: str) -> list[FileEntry]:
-        """What can be downloaded."""
+        """The files of a job."""
         return self._do(calls.files(job_id))
 
     def download(self, job_id: str, name: str, path: Path) -> Path:
-        """Stream one file of the job to `path`; a broken transfer leaves no file behind."""
+        """Stream one file of the job to `path`; an interrupted transfer leaves no file."""
         partial = path.with_name(path.name + ".part")
         try:
             with self._http.stream("GET", f"/v1/jobs/{job_id}/files/{name}") as answer:
@@ -184,7 +184,7 @@ class Client:
             partial.unlink(missing_ok=True)
 
     def dismiss(self, job_id: str) -> None:
-        """Drop, kill or remove the job, whichever applies."""
+        """Dismiss a waiting or running job; remove a final one."""
         self._do(calls.dismiss(job_id))
 
     def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
@@ -217,7 +217,7 @@ class Running(Generic[Result]):
 
     @property
     def id(self) -> str:
-        """Of the job: all that another process needs."""
+        """The id of the job; enough for another process to continue."""
         return self.job.id
 
     def result(self, timeout_s: float | None = None) -> Result:
@@ -226,9 +226,9 @@ class Running(Generic[Result]):
         Raises
         ------
         ServiceProblem
-            Of a job that failed or was dismissed, why.
+            If the job failed or was dismissed.
         TimeoutError
-            When it is not final after `timeout_s`; it goes on running.
+            If it is not final after `timeout_s`; it continues to run.
         """
         deadline = float("inf") if timeout_s is None else time.monotonic() + timeout_s
         while not self.client._do(calls.job(self.id, wait_for(deadline))).is_final:
@@ -237,7 +237,7 @@ class Running(Generic[Result]):
         return self.client._do(calls.typed_results(self.id, self._type))
 
     def download(self, folder: Path | str) -> list[Path]:
-        """Every file of the job, into a folder that is made when it is not there."""
+        """Download every file of the job to a folder, which is created if missing."""
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         return [
@@ -246,7 +246,7 @@ class Running(Generic[Result]):
         ]
 
     def dismiss(self) -> None:
-        """Stop it."""
+        """Dismiss or remove the job."""
         self.client.dismiss(self.id)
 
 

@@ -1,7 +1,7 @@
-"""The one table of what can go wrong: exception class -> HTTP status and title; `code` is on the class.
+"""The table of all errors: exception class -> HTTP status and title. The `code` is on the class.
 
-Whoever raises says what happened, never a number; `problem_of` turns it into RFC 9457. The README prints the
-table, `openapi/examples/` has one example of each, and a test fails when a class has no row or no example.
+Code raises the error class, not a status; `problem_of` makes the RFC 9457 document. `openapi/examples/` has
+one example of each error, and a test fails if a class has no row or no example.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ TYPE_PREFIX = "urn:cusp:problem:"
 
 
 class ServiceError(Exception):
-    """Base of what the service itself raises on purpose; `detail` says which input, what is wrong, what to do."""
+    """Base of the errors of the service. detail : which input, what is wrong, and what to do"""
 
     code: ClassVar[str] = "service_error"
     retry_after_s: int | None = None
@@ -133,7 +133,7 @@ class JobTimedOut(ServiceError):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """How a class is told to a client."""
+    """HTTP status and title of an error class."""
 
     status: int
     title: str
@@ -141,57 +141,59 @@ class Row:
 
 TABLE: dict[type[Exception], Row] = {
     # the request
-    BadRequest: Row(400, "The request cannot be read"),
-    InvalidRequest: Row(422, "The request is not what this address takes"),
-    InvalidOptions: Row(422, "An option is wrong"),
-    UnsupportedType: Row(422, "This version does not run this type of job"),
-    UnknownBlob: Row(422, "The blob is not stored here"),
-    IdempotencyMismatch: Row(422, "The idempotency key was used for another request"),
-    DigestMismatch: Row(422, "The content is not what its digest says"),
+    BadRequest: Row(400, "The request is malformed"),
+    InvalidRequest: Row(422, "The request is invalid"),
+    InvalidOptions: Row(422, "An option is invalid"),
+    UnsupportedType: Row(422, "The job type is not supported"),
+    UnknownBlob: Row(422, "The blob does not exist"),
+    IdempotencyMismatch: Row(422, "The idempotency key belongs to another request"),
+    DigestMismatch: Row(422, "The content does not match its digest"),
     PayloadTooLarge: Row(413, "The request is too large"),
     UnsupportedMediaType: Row(415, "The media type is not supported"),
-    # who asks
+    # the caller
     Unauthorized: Row(401, "An API key is needed"),
     Forbidden: Row(403, "The API key does not allow this"),
     RateLimited: Row(429, "Too many requests"),
-    TenantQueueFull: Row(429, "Too many jobs of yours wait"),
+    TenantQueueFull: Row(429, "Too many jobs of this tenant are waiting"),
     # the address
-    NotFound: Row(404, "Nothing is at this address"),
-    MethodNotAllowed: Row(405, "The method is not allowed here"),
-    JobNotFound: Row(404, "There is no such job"),
-    FileNotInJob: Row(404, "The job has no such file"),
+    NotFound: Row(404, "The address does not exist"),
+    MethodNotAllowed: Row(405, "The method is not allowed at this address"),
+    JobNotFound: Row(404, "The job does not exist"),
+    FileNotInJob: Row(404, "The file does not exist"),
     JobNotFinal: Row(409, "The job has no results yet"),
     JobDismissed: Row(409, "The job was dismissed and has no results"),
     # the server
     QueueFull: Row(503, "The queue is full"),
-    NotReady: Row(503, "The service cannot take jobs now"),
-    InternalError: Row(500, "The service failed"),
+    NotReady: Row(503, "The service is not ready"),
+    InternalError: Row(500, "Internal error"),
     # the child process of a job
-    JobCrashed: Row(500, "The job's process died"),
-    JobOutOfMemory: Row(500, "The job took more memory than it may"),
-    JobTimedOut: Row(500, "The job took longer than it may"),
+    JobCrashed: Row(500, "The process of the job crashed"),
+    JobOutOfMemory: Row(500, "The job exceeded its memory limit"),
+    JobTimedOut: Row(500, "The job exceeded its time limit"),
     # the meshes
-    PipelineError: Row(422, "The meshes cannot be used"),
+    PipelineError: Row(422, "The meshes are unusable"),
     mesh.EmptyFile: Row(422, "The file is empty"),
-    mesh.UnknownFormat: Row(415, "The mesh format is not known"),
-    mesh.TruncatedFile: Row(422, "The file is cut short"),
+    mesh.UnknownFormat: Row(415, "The mesh format is unknown"),
+    mesh.TruncatedFile: Row(422, "The file is truncated"),
     mesh.UnreadableFile: Row(422, "The file cannot be read"),
     mesh.MeshTooLarge: Row(413, "The mesh is too large"),
-    mesh.NotFinite: Row(422, "The mesh has coordinates that are no numbers"),
-    mesh.CoordinateOutOfRange: Row(422, "The mesh has coordinates that no part has"),
-    mesh.IndexOutOfRange: Row(422, "The mesh refers to vertices it does not have"),
+    mesh.NotFinite: Row(422, "The mesh has coordinates that are not finite"),
+    mesh.CoordinateOutOfRange: Row(422, "The mesh has coordinates out of range"),
+    mesh.IndexOutOfRange: Row(422, "A face refers to a vertex that does not exist"),
     mesh.NoSurface: Row(422, "The mesh has no triangles"),
-    mesh.UnitUnknown: Row(422, "The unit is not known"),
+    mesh.UnitUnknown: Row(422, "The unit is unknown"),
     mesh.DegenerateMesh: Row(422, "The mesh has no usable surface"),
     mesh.TooFewPoints: Row(422, "The mesh has too few points"),
     mesh.ResampleFailed: Row(422, "The mesh cannot be resampled"),
-    mesh.ComponentsTooSmall: Row(422, "Every piece of the mesh is too small"),
-    mesh.TooFewLandmarks: Row(422, "The mesh has too little to mark for a study"),
+    mesh.ComponentsTooSmall: Row(422, "Every component of the mesh is too small"),
+    mesh.TooFewLandmarks: Row(422, "The mesh has too few landmarks for a study"),
 }
 
 
 def row_of(error: type[Exception]) -> Row:
-    """The row of a class or of its nearest ancestor that has one; anything unforeseen is an InternalError."""
+    """The row of a class or of its nearest ancestor in the table; the row of InternalError for any other
+    class.
+    """
     return next((TABLE[base] for base in error.__mro__ if base in TABLE), TABLE[InternalError])
 
 

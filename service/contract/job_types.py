@@ -1,6 +1,7 @@
-"""The types of jobs: which meshes each takes, and which options mean something for it.
+"""The types of jobs: which meshes each takes, and which options apply to it.
 
-What a type has no use for is refused by name: a client that sends it expects something that would not happen.
+An option or a mesh that does not apply is refused by name, since the client expects an effect that it would
+not have.
 """
 
 from collections.abc import Iterable
@@ -23,7 +24,7 @@ def parse_type(given: object) -> JobType:
     """The type of a job. Raises UnsupportedType."""
     if given not in JOB_TYPES:
         raise UnsupportedType(
-            f"type {given!r}: this version runs {', '.join(JOB_TYPES)}; without `type` it is the first"
+            f"type {given!r}: this version supports {', '.join(JOB_TYPES)}; the default is the first"
         )
     return given
 
@@ -38,14 +39,16 @@ def check_meshes(job_type: JobType, parts: Iterable[str]) -> None:
 
 
 def check_options(job_type: JobType, options: Options) -> None:
-    """Raise InvalidOptions when an option is set that this type of job has no use for."""
+    """Raise InvalidOptions if an option does not apply to this type of job."""
     for name, only in OPTIONS_OF_ONE_TYPE.items():
         if only != job_type and getattr(options, name) is not None:
-            raise _useless(name, f"a {job_type} job has no use for it; leave it out, or send type {only}")
+            raise _not_applicable(
+                name, f"does not apply to a {job_type} job; leave it out, or send type {only}"
+            )
     for mesh, unit in options.units:
         if unit != "auto" and mesh not in MESHES[job_type]:
             mine = " and ".join(MESHES[job_type])
-            raise _useless(
+            raise _not_applicable(
                 f"units/{mesh}", f"a {job_type} job has no such mesh, only {mine}; leave the unit out"
             )
 
@@ -55,7 +58,7 @@ def wrong_part(name: str, detail: str) -> InvalidRequest:
     return InvalidRequest(f"{name}: {detail}", errors=[ProblemItem(pointer=f"/{name}", detail=detail)])
 
 
-def _useless(path: str, detail: str) -> InvalidOptions:
+def _not_applicable(path: str, detail: str) -> InvalidOptions:
     pointer = f"/options/{path}"
     return InvalidOptions(
         f"options.{path.replace('/', '.')}: {detail}", errors=[ProblemItem(pointer=pointer, detail=detail)]

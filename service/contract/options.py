@@ -1,4 +1,4 @@
-"""What a client may ask of a job: checked here, before anything is stored, and said with the name of the wrong key."""
+"""The options of a job: checked before anything is stored; an error names the wrong key."""
 
 import json
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ def parse_options(given: object) -> Options:
             if options.study is not None and "detectors" in options.study.model_fields_set
             else "settings/study"
         )
-        item = problem_item(f"/options/{where}/detectors", "a detector is named twice; each is compared once")
+        item = problem_item(f"/options/{where}/detectors", "a detector is listed twice; list each once")
         raise InvalidOptions(summarize([item]), errors=[item])
     return options
 
@@ -51,7 +51,7 @@ def resolve_settings(options: Options) -> Settings:
 
 
 def invalid_request(error: ValidationError) -> InvalidRequest:
-    """The problem of a JSON body that does not fit."""
+    """The problem of a JSON body that does not match its schema."""
     items = problem_items(error, [])
     return InvalidRequest(summarize(items), errors=items)
 
@@ -71,17 +71,17 @@ def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem
 
 
 def read_json(text: str | bytes, what: str) -> Any:
-    """What JSON text says. Raises BadRequest."""
+    """Parse JSON text. Raises BadRequest."""
     try:
         return json.loads(text)
     except ValueError as error:
         raise BadRequest(f"{what}: not JSON ({error}); send a JSON object") from error
     except RecursionError:
-        raise BadRequest(f"{what}: JSON that is nested too deeply; send a JSON object") from None
+        raise BadRequest(f"{what}: JSON nested too deeply; send a JSON object") from None
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str, Any]:
-    """`over` on `base`, key by key in nested objects; validation of the whole comes after."""
+    """`base` updated with `over`, key by key in nested objects; the result is validated later."""
     merged = dict(base)
     for key, value in over.items():
         below = merged.get(key)
@@ -95,5 +95,5 @@ def problem_item(pointer: str, detail: str) -> ProblemItem:
 
 def summarize(items: list[ProblemItem]) -> str:
     """`options.seed: Input should be ...`, for each; at most three."""
-    told = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
-    return "; ".join(told) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")
+    details = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
+    return "; ".join(details) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")

@@ -1,4 +1,4 @@
-"""What clients send and get, as pydantic models: shared by the OpenAPI document, the routes, the client."""
+"""Requests and responses as pydantic models, shared by the OpenAPI document, the routes and the client."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -14,7 +14,7 @@ JobType = Literal["registration", "landmarks", "study"]
 
 
 class Status(StrEnum):
-    """Where a job stands. The words are OGC API Processes'."""
+    """Status of a job, in the words of OGC API Processes."""
 
     ACCEPTED = "accepted"  # stored and queued
     RUNNING = "running"  # a child process computes
@@ -52,72 +52,76 @@ class Problem(BaseModel):
 
     model_config = ConfigDict(extra="allow")
 
-    type: str = Field(description="URN of the kind of problem; as stable as `code`")
+    type: str = Field(description="URN of the kind of problem; stable like `code`")
     title: str = Field(description="the kind of problem in a few words; the same for each `code`")
     status: int = Field(description="HTTP status")
     detail: str = Field(description="this case: which input, what is wrong, what to do")
-    code: str = Field(description="stable word for machines")
+    code: str = Field(description="stable identifier of the kind of problem")
     mesh: str | None = Field(None, description="the input it is about: `design`, `scan` or `mesh`")
-    stage: str | None = Field(None, description="the stage of the method that could not go on")
+    stage: str | None = Field(None, description="the stage of the method that failed")
     errors: list[ProblemItem] | None = Field(None, description="each wrong value of the request")
     instance: str | None = Field(
-        None, description="id of this occurrence, to quote to whoever runs the service"
+        None, description="id of this occurrence; quote it to the operator of the service"
     )
 
 
 class Units(Request):
-    """What the numbers in each file mean; of a mesh that the job does not have, only `auto` is taken."""
+    """Length unit of each file. For a mesh that the job does not have, only `auto` is allowed."""
 
-    design: Unit = Field("auto", description="`auto`: what the file declares (3MF; GLB is metres), else mm")
+    design: Unit = Field("auto", description="`auto`: as the file declares (3MF; GLB is in metres), else mm")
     scan: Unit = Field("auto", description="as for `design`")
     mesh: Unit = Field("auto", description="as for `design`; of a `landmarks` or `study` job")
 
 
 class Webhook(Request):
-    """Whom to tell when the job is final, by Standard Webhooks: signed, and sent again until it is taken."""
+    """Receiver of a signed message when the job is final, by Standard Webhooks; repeated until it is
+    accepted.
+    """
 
     url: str = Field(
-        max_length=2000, description="http(s) address; private ones only where the service allows them"
+        max_length=2000, description="http(s) address; a private one only if the operator allows its network"
     )
 
 
 class Options(Request):
-    """How to run a job; every default runs."""
+    """Options of a job; all have defaults."""
 
-    preset: Literal["default", "paper"] = Field("default", description="where `settings` start from")
+    preset: Literal["default", "paper"] = Field(
+        "default", description="the settings that `settings` modifies"
+    )
     settings: dict[str, JsonValue] = Field(
-        {}, description="any part of the pipeline's Settings, over the preset"
+        {}, description="any part of the Settings of the pipeline; replaces values of the preset"
     )
     units: Units = Field(Units(), description="unit of each file")
     tolerance_mm: float | None = Field(
         None,
         gt=0,
-        description="`registration` only: for `deviation.within/above/below`, and how certain (one sigma) the pose must be",
+        description="`registration` only: limit of `deviation.within` and of the pose uncertainty (1 sigma)",
     )
     study: StudySettings | None = Field(
-        None, description="`study` only: what to do; each key that is sent goes over `settings.study`"
+        None, description="`study` only: what to measure; each key replaces one of `settings.study`"
     )
-    seed: int = Field(0, ge=0, lt=2**32, description="of every random draw")
+    seed: int = Field(0, ge=0, lt=2**32, description="seed of every random draw")
     label: str | None = Field(
-        None, max_length=200, pattern=NO_NUL, description="yours, for finding the job again"
+        None, max_length=200, pattern=NO_NUL, description="free text of the client, to find the job again"
     )
-    webhook: Webhook | None = Field(None, description="whom to tell when the job is final")
+    webhook: Webhook | None = Field(None, description="receiver of a message when the job is final")
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:
-        """Only the keys that were sent: the others are the preset's and the settings'."""
+        """Only the keys that were sent; the others come from the preset and the settings."""
         return None if study is None else study.model_dump(mode="json", exclude_unset=True)
 
 
 class BlobRef(Request):
-    """A mesh that was sent before by `PUT /v1/blobs`."""
+    """A mesh stored by `PUT /v1/blobs`."""
 
     blob: BlobId
-    filename: str | None = Field(None, max_length=255, description="a hint at the format, nothing else")
+    filename: str | None = Field(None, max_length=255, description="used to detect the format only")
 
 
 class RegistrationRequest(Request):
-    """Put a scan on its design, and measure."""
+    """Register a scan to its design and measure the deviation."""
 
     type: Literal["registration"] = Field("registration", description="what to do")
     design: BlobRef = Field(description="the design mesh")
@@ -134,7 +138,7 @@ class LandmarksRequest(Request):
 
 
 class StudyRequest(Request):
-    """How much landmarks tell about one mesh, or whether they are found again on another mesh of its shape."""
+    """How informative the landmarks of one mesh are, or how repeatable on another mesh of its shape."""
 
     type: Literal["study"] = Field(description="what to do")
     mesh: BlobRef = Field(description="the mesh")
@@ -150,26 +154,26 @@ class Blob(Response):
 
     id: BlobId
     size: int = Field(description="bytes")
-    format: str = Field(description="what the content looks like: stl, ply, obj, off, 3mf, glb, xyz")
+    format: str = Field(description="format of the content: stl, ply, obj, off, 3mf, glb, xyz")
 
 
 class JobInput(Response):
-    """A mesh of a job, as another job may name it: a design is sent once and used for many scans."""
+    """A mesh of a job. Other jobs may name it: a design is sent once for many scans."""
 
     blob: BlobId
-    filename: str | None = Field(description="as it was sent; null: none was")
+    filename: str | None = Field(description="as sent; null if none was sent")
 
 
 class JobInputs(Response):
-    """The meshes of a job; null are those that its type does not have."""
+    """The meshes of a job; null for those that its type does not have."""
 
-    design: JobInput | None = Field(description="of a `registration`")
-    scan: JobInput | None = Field(description="of a `registration`")
-    mesh: JobInput | None = Field(description="of a `landmarks` or `study` job")
+    design: JobInput | None = Field(description="mesh of a `registration`")
+    scan: JobInput | None = Field(description="mesh of a `registration`")
+    mesh: JobInput | None = Field(description="mesh of a `landmarks` or `study` job")
 
 
 class Links(Response):
-    """Where to go from a job."""
+    """Addresses that belong to a job."""
 
     self: str = Field(description="status")
     results: str = Field(description="results, once `successful`")
@@ -180,21 +184,21 @@ class Job(Response):
     """A job's status."""
 
     id: str = Field(description="UUIDv7; sorts by time of creation")
-    type: JobType = Field(description="what it does")
-    status: Status = Field(description="where it stands")
-    stage: Stage | None = Field(description="what the child process is doing; null before it starts")
+    type: JobType = Field(description="type of the job")
+    status: Status = Field(description="status")
+    stage: Stage | None = Field(description="the stage that runs; null before the job starts")
     progress: float = Field(
-        ge=0, le=100, description="percent of the whole job; never falls within an attempt"
+        ge=0, le=100, description="percent of the whole job; never decreases within an attempt"
     )
-    message: str | None = Field(description="the stage in words")
+    message: str | None = Field(description="description of the stage")
     label: str | None = Field(description="as sent in `options`")
-    inputs: JobInputs = Field(description="the meshes it is about")
+    inputs: JobInputs = Field(description="the meshes of the job")
     created: datetime = Field(description="when it was accepted")
-    started: datetime | None = Field(description="of the latest attempt")
+    started: datetime | None = Field(description="when the latest attempt started")
     finished: datetime | None = Field(description="when it became final")
-    attempt: int = Field(description="how often a worker took it; above 1 after a worker died or stopped")
+    attempt: int = Field(description="number of attempts; above 1 after a worker died or stopped")
     error: Problem | None = Field(description="why it failed; null otherwise")
-    links: Links = Field(description="where to go from here")
+    links: Links = Field(description="addresses of the job")
 
     @property
     def is_final(self) -> bool:
@@ -205,25 +209,25 @@ class Job(Response):
 class JobPage(Response):
     """Jobs, newest first."""
 
-    jobs: list[Job] = Field(description="a page of them")
+    jobs: list[Job] = Field(description="the jobs of this page")
     next: str | None = Field(description="`cursor` of the next page; null on the last")
 
 
 class DeliveryState(StrEnum):
-    """Where a message to a webhook stands."""
+    """State of a message to a webhook."""
 
     WAITING = "waiting"  # for its first or next attempt
-    DELIVERED = "delivered"  # the receiver said 2xx
+    DELIVERED = "delivered"  # the receiver answered 2xx
     GIVEN_UP = "given_up"  # after the last attempt, after 410 Gone, or because the address is forbidden
 
 
 class DeliveryAttempt(Response):
-    """One try to deliver a message."""
+    """One attempt to deliver a message."""
 
     at: datetime = Field(description="when")
-    status: int | None = Field(description="HTTP status of the answer; null when none came")
-    error: str | None = Field(description="why no answer came")
-    seconds: float = Field(description="how long it took")
+    status: int | None = Field(description="HTTP status of the answer; null if there was none")
+    error: str | None = Field(description="why there was no answer")
+    seconds: float = Field(description="duration")
 
 
 class Delivery(Response):
@@ -231,16 +235,16 @@ class Delivery(Response):
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
     event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
-    url: str = Field(description="where it goes")
-    state: DeliveryState = Field(description="where it stands")
-    next: datetime | None = Field(description="when the next attempt is due; null when there will be none")
-    attempts: list[DeliveryAttempt] = Field(description="what was tried, oldest first")
+    url: str = Field(description="address of the receiver")
+    state: DeliveryState = Field(description="state of the message")
+    next: datetime | None = Field(description="when the next attempt is due; null if there is none")
+    attempts: list[DeliveryAttempt] = Field(description="the attempts, oldest first")
 
 
 class DeliveryList(Response):
     """Messages to a job's webhook, oldest first."""
 
-    deliveries: list[Delivery] = Field(description="a message each")
+    deliveries: list[Delivery] = Field(description="the messages")
 
 
 class FileEntry(Response):
@@ -249,14 +253,14 @@ class FileEntry(Response):
     name: str = Field(description="as in `files` of the results")
     size: int = Field(description="bytes")
     sha256: str = Field(description="hex digest of the content")
-    media_type: str = Field(description="of the content")
-    href: str = Field(description="where to download it")
+    media_type: str = Field(description="media type of the content")
+    href: str = Field(description="address of the content")
 
 
 class FileList(Response):
     """The files of a successful job."""
 
-    files: list[FileEntry] = Field(description="all of them")
+    files: list[FileEntry] = Field(description="the files")
 
 
 class Limits(Response):
@@ -265,18 +269,20 @@ class Limits(Response):
     max_upload_mib: int = Field(description="largest request body")
     job_time_limit_s: float = Field(description="a job that runs longer fails with job_timed_out")
     job_memory_limit_mib: int = Field(description="a job that takes more memory fails with job_out_of_memory")
-    queue_limit: int = Field(description="jobs that may wait; more are refused with queue_full")
+    queue_limit: int = Field(description="limit of waiting jobs; beyond it, jobs are refused with queue_full")
     tenant_queue_limit: int = Field(
-        description="jobs of one tenant that may wait; more are refused with tenant_queue_full"
+        description="limit of waiting jobs of one tenant; beyond it, jobs are refused with tenant_queue_full"
     )
-    rate_limit_per_s: int = Field(description="requests a second of one key or address; 0: any number")
+    rate_limit_per_s: int = Field(
+        description="limit of requests per second of one key or address; 0: no limit"
+    )
     parallel_jobs: int = Field(description="jobs that run at the same time")
-    job_types: list[str] = Field(description="values of `type` that this version runs")
-    formats: list[str] = Field(description="mesh formats that are recognised")
+    job_types: list[str] = Field(description="values of `type` that this version supports")
+    formats: list[str] = Field(description="supported mesh formats")
 
 
 class Version(Response):
-    """What is running."""
+    """Version of the service."""
 
     name: Literal["cusp"] = Field("cusp", description="of the service")
     version: str = Field(description="of Cusp")
@@ -286,8 +292,8 @@ class Version(Response):
 class Health(Response):
     """Answer of the probes."""
 
-    status: Literal["ok"] = Field("ok", description="all is well; otherwise the answer is a problem")
+    status: Literal["ok"] = Field("ok", description="ready; otherwise the answer is a problem")
 
 
-#: results.json as the pipeline wrote it, by the type of the job.
+#: results.json as the pipeline writes it, by the type of the job.
 Results = Annotated[RegistrationResult | LandmarksResult | StudyResult, Field(discriminator="type")]

@@ -21,8 +21,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from pipeline import RegistrationResult
+from service.client import Client, ServiceProblem, ServiceUnreachable
 from service.client.results_table import print_results
-from service.client.sync import Client, ServiceProblem, ServiceUnreachable
 from service.contract.schemas import Job, Status
 from service.demo import arch as demo_arch
 from service.demo.arch import FloatArray, Surface
@@ -34,7 +34,7 @@ TOLERANCE_MM = 0.2  # of the summary: what printed dental models are held to
 
 
 class DemoProblem(Exception):
-    """Why the demo cannot go on, and what to do."""
+    """Why the demo stops, and what to do."""
 
 
 def run_demo(
@@ -77,7 +77,7 @@ def run_demo(
 
 
 def _give_up(console: Console, sentence: str) -> int:
-    console.print(f"[bold red]The demo cannot go on.[/bold red] {escape(sentence)}")
+    console.print(f"[bold red]The demo stops.[/bold red] {escape(sentence)}")
     return 1
 
 
@@ -201,7 +201,8 @@ def _explain(console: Console, result: RegistrationResult) -> None:
         )
     marks = result.landmarks
     console.print(
-        f"landmarks: {len(marks.design)} on the design, {len(marks.scan)} on the scan, {len(marks.matches)} matched"
+        f"landmarks: {len(marks.design)} on the design, {len(marks.scan)} on the scan, "
+        f"{len(marks.matches)} matched"
     )
 
 

@@ -1,4 +1,5 @@
-"""What a job's child process does: the only place in the service that calls the door to compute.
+"""The computation of a job in its child process: the only place in the service that calls the pipeline to
+compute.
 
 `Sandbox(target=...)` names this module; tests name others, with the same two functions.
 """
@@ -11,12 +12,12 @@ import pipeline
 
 
 def preload() -> None:
-    """Import once, in the zygote, what every job needs."""
+    """Import once, in the zygote, the libraries that every job needs."""
     pipeline.preload()
 
 
 def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) -> None:
-    """Do what `task["type"]` says with its meshes, and write results.json and the files to `task["out"]`."""
+    """Run the job of type `task["type"]`; write results.json and its files to `task["out"]`."""
     common: dict[str, Any] = {
         "settings": pipeline.Settings.model_validate(task["settings"]),
         "seed": task["seed"],
@@ -33,8 +34,8 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
         case "study":
             pipeline.study(_mesh(task["mesh"]), **common)
         case other:
-            raise ValueError(f"a job of type {other!r} was accepted, but none runs here")
+            raise ValueError(f"a job of type {other!r} was accepted, but is not implemented")
 
 
-def _mesh(given: dict[str, Any]) -> pipeline.MeshFile:
-    return pipeline.MeshFile(Path(given["path"]), unit=given["unit"], filename=given["filename"])
+def _mesh(source: dict[str, Any]) -> pipeline.MeshFile:
+    return pipeline.MeshFile(Path(source["path"]), unit=source["unit"], filename=source["filename"])

@@ -1,4 +1,4 @@
-"""Why a job's process ended without an answer, in words for its client."""
+"""Why the process of a job ended without a result, in words for the client."""
 
 import os
 import signal
@@ -8,13 +8,13 @@ from service.contract.errors import JobCrashed, JobOutOfMemory, JobTimedOut, Ser
 from service.contract.schemas import Problem
 from service.execution.forked import out_of_memory_detail
 
-NEAR_LIMIT = 0.8  # an abort this close to the memory limit is taken for a failed allocation in native code
+NEAR_LIMIT = 0.8  # share of the memory limit above which an abort counts as a failed allocation
 
 SIGNAL_HINTS = {
-    signal.SIGSEGV: "a fault in native code, most often on a damaged mesh: repair the mesh and send it again",
+    signal.SIGSEGV: "a fault in native code, usually caused by a damaged mesh: repair it and send it again",
     signal.SIGBUS: "a fault in native code, or a full disk",
-    signal.SIGABRT: "native code gave up, most often on a damaged mesh: repair the mesh and send it again",
-    signal.SIGKILL: "not by this service: the machine ran out of memory, or somebody killed it; send it again",
+    signal.SIGABRT: "native code aborted, usually because of a damaged mesh: repair it and send it again",
+    signal.SIGKILL: "not by this service: the machine ran out of memory, or an operator did it; send again",
 }
 
 
@@ -25,9 +25,9 @@ def explain_exit(
     memory_limit_mib: int,
     time_limit_s: float,
 ) -> Problem:
-    """The problem of a process that ended with wait status `status` (None: nobody saw it end).
+    """The problem of a process that ended with wait status `status` (None: unknown).
 
-    `by` is what this service killed it for, if it did.
+    `by` is the limit for which this service killed it, if any.
     """
     return problem_of(_error(status, by, peak_mib, memory_limit_mib, time_limit_s))
 
@@ -37,13 +37,13 @@ def _error(
 ) -> ServiceError:
     if by == "time":
         return JobTimedOut(
-            f"the job ran longer than the {time_limit_s:g} s it may take and was stopped; decimate the meshes, "
+            f"the job exceeded its time limit of {time_limit_s:g} s and was stopped; decimate the meshes, "
             "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"
         )
     if by == "memory":
         return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))
     if status is None:
-        return JobCrashed("the process that jobs are forked from died and took the job along; send it again")
+        return JobCrashed("the parent process of the job died, and the job with it; send it again")
     if not os.WIFSIGNALED(status):
         code = os.waitstatus_to_exitcode(status)
         return JobCrashed(f"the job's process exited with code {code} and without an answer; report it")

@@ -1,5 +1,7 @@
-"""Says that a job is alive, from its claim to its conclusion: also while its meshes are fetched or its results are stored,
-which takes as long as a bucket likes. The same answer tells when the job is no longer this attempt's: dismissed, or handed on.
+"""The heartbeat of a running job, from its claim to its end: also while meshes are fetched or results are
+stored.
+
+Each heartbeat also tells whether the job still belongs to this attempt, or was dismissed or reassigned.
 """
 
 import threading
@@ -16,7 +18,7 @@ log = structlog.get_logger()
 
 
 class Heartbeat:
-    """beat : says so once; False when the job is not ours (any more)"""
+    """beat : writes one heartbeat; False if the job does not belong to this attempt (any more)"""
 
     def __init__(self, beat: Callable[[], bool]) -> None:
         self._beat = beat
@@ -26,7 +28,7 @@ class Heartbeat:
 
     @property
     def is_ours(self) -> bool:
-        """False once the database said that the job is not this attempt's any more."""
+        """False once the database answered that the job does not belong to this attempt."""
         return not self._lost.is_set()
 
     def _run(self) -> None:
@@ -36,7 +38,7 @@ class Heartbeat:
                     self._lost.set()
                     return
             except DATABASE_UNAVAILABLE:
-                continue  # whose the job is will be asked when the database is back
+                continue  # asked again when the database is back
             except Exception:
                 log.exception("heartbeat failed")
 
@@ -45,4 +47,4 @@ class Heartbeat:
         return self
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._end.set()  # one that hangs in a connection ends by itself: its job is not running any more
+        self._end.set()  # a thread that hangs in a connection is a daemon

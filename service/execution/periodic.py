@@ -1,4 +1,4 @@
-"""What a worker does beside its jobs: each chore in a thread of its own, so that one that fails or hangs holds up no other."""
+"""Periodic tasks of a worker: each has a thread, so that one that hangs delays no other."""
 
 import threading
 from collections.abc import Callable
@@ -10,16 +10,16 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True, slots=True)
-class Chore:
-    """after_error_s : how much longer than `every_s` to wait when it failed"""
+class PeriodicTask:
+    """after_error_s : added to the pause `every_s` when the call raised"""
 
     name: str
-    act: Callable[[], None]
+    call: Callable[[], None]
     every_s: float
     after_error_s: float = 0.0
 
     def begin(self, stop: threading.Event) -> threading.Thread:
-        """Now, and again and again until `stop`."""
+        """Call now, and repeat until `stop` is set."""
         thread = threading.Thread(target=self._run, args=(stop,), name=self.name, daemon=True)
         thread.start()
         return thread
@@ -28,10 +28,8 @@ class Chore:
         while not stop.is_set():
             pause_s = self.every_s
             try:
-                self.act()
-            except Exception:
-                log.exception(
-                    "not done", chore=self.name
-                )  # a database that is away, most likely; the next time does it
+                self.call()
+            except Exception:  # most likely the database is unavailable: the next call repeats the work
+                log.exception("periodic task failed", task=self.name)
                 pause_s += self.after_error_s
             stop.wait(pause_s)

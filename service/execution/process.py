@@ -1,4 +1,4 @@
-"""What Linux offers to keep a family of processes in order."""
+"""Linux calls that control a tree of processes."""
 
 import ctypes
 import os
@@ -10,13 +10,14 @@ from pathlib import Path
 PR_SET_PDEATHSIG = 1
 PR_SET_DUMPABLE = 4
 PR_SET_CHILD_SUBREAPER = 36
-OOM_SCORE_OF_JOBS = 900  # when the machine runs out of memory, the kernel takes a job before the service
+OOM_SCORE_OF_JOBS = 900  # out of memory, the kernel kills a job before the service
 
 
 def die_with_parent(parent_pid: int) -> None:
     """Have the kernel kill this process when its parent ends, however that ends.
 
-    The signal comes when the *thread* that forked this process ends, so call it only in children of a main thread.
+    The signal comes when the *thread* that forked this process ends, so call it only in children of a main
+    thread.
     """
     _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent_pid:  # it ended before the call
@@ -24,9 +25,10 @@ def die_with_parent(parent_pid: int) -> None:
 
 
 def keep_secrets() -> None:
-    """Let no other process of the same user read this one's environment and memory: a job's process runs as that user, works on
-    strangers' meshes, and passwords are in our environment. A process forked from this one keeps it, one that is executed
-    starts open.
+    """Hide the environment and memory of this process from other processes of the same user.
+
+    The process of a job runs as that user and reads untrusted meshes, and our environment holds passwords.
+    Forked processes inherit this; executed ones do not.
     """
     _prctl(PR_SET_DUMPABLE, 0)
 
@@ -79,7 +81,7 @@ def limit_address_space(extra_bytes: int) -> None:
 
 
 def offer_to_oom_killer() -> None:
-    """Make this process the kernel's first choice. Some sandboxes have no such file: then it stays as it is."""
+    """Make this process the first choice of the OOM killer, where the system has that file."""
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(str(OOM_SCORE_OF_JOBS))
 

@@ -1,6 +1,6 @@
-"""Runs each job in a child process of its own, and turns however that ends into an outcome.
+"""Runs each job in a child process of its own and reports how that process ended.
 
-The children are forked by a zygote (`zygote.py`); this is the worker's side of it, safe to use from many threads.
+A zygote (`zygote.py`) forks the children. This is the worker's side; it is safe to use from many threads.
 """
 
 import json
@@ -26,31 +26,32 @@ from service.execution import process
 from service.execution.exit_reasons import explain_exit
 from service.execution.forked import TASK_FILE
 
-READY_TIMEOUT_S = 120.0  # importing takes two seconds; a cold disk longer
-LOOK_INTERVAL_S = 0.2  # how often a job is checked for its limit, its caller's wish, and the zygote's life
+READY_TIMEOUT_S = 120.0  # imports take two seconds, longer from a cold disk
+POLL_INTERVAL_S = 0.2  # between checks of the time limit, of `is_wanted` and of the zygote
 STOP_GRACE_S = 2.0
-KILL_GRACE_S = 5.0  # a killed child is gone in milliseconds; after this the zygote itself is taken for dead
+KILL_GRACE_S = 5.0  # a killed child ends in milliseconds; after this the zygote counts as dead
 log = structlog.get_logger()
 
-MAX_LINE_BYTES = 1024 * 1024  # of what a child tells; beyond, it is not one of ours that talks
+MAX_LINE_BYTES = 1024 * 1024  # of a message of a child; a longer line is not one
 
 ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
 }  # before the imports: a fork needs one thread
-#: What the processes that read strangers' meshes get of our environment. Passwords and keys are there under any name, so
-#: that only what is known to be needed is passed on.
+#: Environment variables passed to the processes that read untrusted meshes. Passwords and keys may have any
+#: name, so
+#: only variables that are needed are passed.
 KEPT = {"PATH", "HOME", "LANG", "LANGUAGE", "TZ", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV", "MPLCONFIGDIR"}
 KEPT_FAMILIES = re.compile(r"(LC|PYTHON|XDG|FONTCONFIG|OPENBLAS|OMP|MALLOC|LIBGL|MESA)\w*|\w+_NUM_THREADS")
 
 
 class SandboxError(Exception):
-    """No job can run at all: the zygote does not start."""
+    """No job can run: the zygote does not start."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one job may take."""
+    """Time and memory limit of one job."""
 
     time_s: float
     memory_mib: int
@@ -78,7 +79,7 @@ class Sandbox:
         self._lock = threading.Lock()
         self._zygote: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
-        self._said: IO[bytes] | None = None  # the zygote's standard output and error
+        self._output: IO[bytes] | None = None  # standard output and error of the zygote
 
     def start(self) -> None:
         """Start the zygote unless it runs, and wait until it can fork.
@@ -86,7 +87,7 @@ class Sandbox:
         Raises
         ------
         SandboxError
-            With what the zygote said on standard error: a missing system library, most often.
+            With the standard error of the zygote: usually a missing system library.
         """
         with self._lock:
             if self._zygote is not None and self._zygote.poll() is None:
@@ -96,7 +97,7 @@ class Sandbox:
     def stop(self) -> None:
         """Kill every job and the zygote."""
         with self._lock:
-            self._close()  # to the zygote that is the order to kill its children and end
+            self._close()  # the zygote kills its children and ends
             if self._zygote is not None:
                 with suppress(subprocess.TimeoutExpired):
                     self._zygote.wait(STOP_GRACE_S)
@@ -107,9 +108,9 @@ class Sandbox:
     def run(
         self, key: str, task: dict[str, Any], on_progress: OnProgress, is_wanted: Callable[[], bool]
     ) -> Outcome:
-        """Run one job to its end, whatever that is. `task["folder"]` must exist; `child.log` and the task are written there.
+        """Run one job to its end. `task["folder"]` must exist; the task and `child.log` are written there.
 
-        `is_wanted` is asked every LOOK_INTERVAL_S; the process group is killed once it says no.
+        `is_wanted` is called every POLL_INTERVAL_S; if it returns False, the process group is killed.
         """
         self.start()
         zygote = self._zygote
@@ -147,7 +148,7 @@ class Sandbox:
         pid: int | None = None
         told: dict[str, Any] = {}
         while True:
-            for event in lines.read(LOOK_INTERVAL_S):
+            for event in lines.read(POLL_INTERVAL_S):
                 match event["event"]:
                     case "started":
                         pid = event["pid"]
@@ -168,7 +169,7 @@ class Sandbox:
             if killed_for is None:
                 if now - started_at > self._limits.time_s:
                     killed_for = "time"
-                elif now - looked_at > LOOK_INTERVAL_S:
+                elif now - looked_at > POLL_INTERVAL_S:
                     looked_at = now
                     killed_for = None if is_wanted() else "unwanted"
                 if killed_for is not None:
@@ -204,7 +205,7 @@ class Sandbox:
         if self._zygote is not None:
             log.warning("zygote died", exit_code=self._zygote.returncode, said=self._tail())
         self._close()
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the zygote)
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the zygote)
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._zygote = subprocess.Popen(  # noqa: S603 (our own module)
@@ -212,8 +213,8 @@ class Sandbox:
                 pass_fds=[theirs.fileno()],
                 env={**kept_environment(), **ONE_THREAD},
                 stdin=subprocess.DEVNULL,
-                stdout=self._said,
-                stderr=self._said,
+                stdout=self._output,
+                stderr=self._output,
             )
         self._control = ours
         ours.settimeout(READY_TIMEOUT_S)
@@ -230,16 +231,16 @@ class Sandbox:
         ours.settimeout(None)
 
     def _close(self) -> None:
-        for kept in (self._control, self._said):
+        for kept in (self._control, self._output):
             if kept is not None:
                 kept.close()
-        self._control = self._said = None
+        self._control = self._output = None
 
     def _tail(self) -> str:
-        if self._said is None:
+        if self._output is None:
             return ""
-        self._said.seek(0)
-        return self._said.read().decode(errors="replace").strip()[-4000:]
+        self._output.seek(0)
+        return self._output.read().decode(errors="replace").strip()[-4000:]
 
 
 class _Lines:
@@ -260,21 +261,21 @@ class _Lines:
         *lines, self._partial = (self._partial + chunk).split(b"\n")
         self._partial = self._partial[-MAX_LINE_BYTES:]
         for line in lines:
-            with suppress(ValueError):  # what a dying child left of a line
+            with suppress(ValueError):  # an incomplete line of a process that died
                 event = json.loads(line)
                 if isinstance(event, dict) and "event" in event:
                     yield event
 
 
 def kept_environment() -> dict[str, str]:
-    """Ours without what is not known to be harmless."""
+    """The environment variables that a zygote gets."""
     return {
         name: value for name, value in os.environ.items() if name in KEPT or KEPT_FAMILIES.fullmatch(name)
     }
 
 
 def log_tail(folder: Path, length: int = 4000) -> str:
-    """The end of what a job's process wrote to its standard output and error: for our log, never for clients."""
+    """The end of the output of a job's process: for the log, not for clients."""
     try:
         return (folder / "child.log").read_text(errors="replace")[-length:]
     except OSError:

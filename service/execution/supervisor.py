@@ -23,20 +23,21 @@ from service.storage.blobs import BlobStore
 from service.storage.database import check_sqlite, migrate, migrating, open_database
 
 STOP_TIMEOUT_S = 8.0
-LOOK_INTERVAL_S = 0.1
-SHORT_LIFE_S = 10.0  # a process that ends sooner than this did not get anywhere
+POLL_INTERVAL_S = 0.1
+SHORT_LIFE_S = 10.0  # a process that ends sooner failed to start
 MAX_SHORT_LIVES = 3
-#: Of the API: glibc gives each thread a heap of its own and keeps what was freed. Not of the worker, whose jobs compute.
+#: For the API: by default glibc gives each thread a heap and keeps freed memory. Not for the worker: its jobs
+#: compute.
 SMALL_HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_TRIM_THRESHOLD_": "131072"}
 log = structlog.get_logger()
 
 
 class AlreadyRunning(Exception):
-    """Another service works on the data folder."""
+    """Another service uses the data folder."""
 
 
 class NotApart(Exception):
-    """A part was started alone without a database that others reach."""
+    """A part was started alone without a shared database."""
 
 
 @dataclass(slots=True)
@@ -50,7 +51,7 @@ class Part:
 
 
 def prepare(settings: ServiceSettings, part: str = "up") -> IO[bytes]:
-    """Make folders and tables. Keep what it returns: the lock on the folder goes with it.
+    """Create folders and tables. Keep the returned file open: it holds the lock on the folder.
 
     part : `up` for all; `api` or `worker` for one of many on a common database
 
@@ -60,7 +61,7 @@ def prepare(settings: ServiceSettings, part: str = "up") -> IO[bytes]:
     """
     if part != "up" and settings.is_embedded:
         raise NotApart(
-            f"`cusp {part}` needs CUSP_DATABASE_URL (PostgreSQL), which other parts reach too; or use `cusp up`"
+            f"`cusp {part}` needs CUSP_DATABASE_URL (PostgreSQL), shared by all parts; or use `cusp up`"
         )
     check_sqlite(settings.queue)
     settings.make_folders()
@@ -92,13 +93,13 @@ def _locked(settings: ServiceSettings, part: str) -> IO[bytes]:
         lock.close()
         remedy = "another CUSP_WORKER_ID" if part == "worker" else "another --data-dir"
         raise AlreadyRunning(
-            f"another cusp works on {settings.data_dir.resolve()}; stop it, or choose {remedy}"
+            f"another cusp uses {settings.data_dir.resolve()}; stop it, or choose {remedy}"
         ) from error
     return lock
 
 
 def _clear_uploads(settings: ServiceSettings) -> None:
-    """What uploads left that a crash cut off. In a bucket others may be sending just now: see `Retention`."""
+    """Delete uploads interrupted by a crash. In a bucket other uploads may be active: see `Retention`."""
     if not settings.blob_url:
         BlobStore(settings.blobs).clear_incoming(older_than_ms=now_ms())
     for path in settings.tmp_dir.iterdir():
@@ -106,7 +107,7 @@ def _clear_uploads(settings: ServiceSettings) -> None:
 
 
 def run_up(settings: ServiceSettings) -> int:
-    """Run until SIGTERM or Ctrl-C, or until a part cannot be kept alive. Returns the exit code."""
+    """Run until SIGTERM or Ctrl-C, or until a part cannot run. Returns the exit code."""
     keep_secrets()
     stop = threading.Event()
     for kind in (signal.SIGTERM, signal.SIGINT):
@@ -125,19 +126,19 @@ def run_up(settings: ServiceSettings) -> int:
 def _keep_alive(
     parts: list[Part], start: Callable[[str], "subprocess.Popen[bytes]"], stop: threading.Event
 ) -> int:
-    while not stop.wait(LOOK_INTERVAL_S):
+    while not stop.wait(POLL_INTERVAL_S):
         for part in parts:
             code = part.process.poll()
             if code is None:
                 continue
             lived_s = time.monotonic() - part.started_at
-            # One that is killed (code < 0) did not refuse to run: it is started again however often that happens.
+            # A part that was killed (code < 0) can run: it is restarted without a limit.
             part.short_lives = part.short_lives + (code > 0) if lived_s < SHORT_LIFE_S else 0
             # An API that cannot bind its port ends with the same code: uvicorn's for "did not start".
             if code == EXIT_BROKEN or part.short_lives >= MAX_SHORT_LIVES:
                 log.error("a part cannot run; see its messages above", part=part.name, exit_code=code)
                 return 1
-            log.error("a part died and is started again", part=part.name, exit_code=code)
+            log.error("a part died and is restarted", part=part.name, exit_code=code)
             part.process, part.started_at = start(part.name), time.monotonic()
     return 0
 

@@ -1,4 +1,4 @@
-"""Takes tickets from the queue and runs each job from its claim to its publication."""
+"""Runs each job that the queue brings, from its claim to the publication of its results."""
 
 import shutil
 import threading
@@ -25,12 +25,12 @@ from service.storage.blobs import BlobStore
 from service.storage.design_cache import DesignCache
 from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
 
-Made = TypeVar("Made")
+Returned = TypeVar("Returned")
 log = structlog.get_logger()
 
 
 class StageClock:
-    """Seconds and passages by stage, from the progress that a job tells."""
+    """Seconds and passes by stage, from the progress messages of a job."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -39,7 +39,9 @@ class StageClock:
         self._since = 0.0
 
     def enter(self, stage: str, message: str) -> None:
-        """A stage goes on, or another begins; of one stage each mesh is a passage."""
+        """Note a progress message: the stage continues, or a new pass begins. Each mesh of a stage is one
+        pass.
+        """
         mesh = message.removeprefix(f"{stage}: ") if message.removeprefix(f"{stage}: ") in ALL_MESHES else ""
         if self._now != (stage, mesh):
             self.end()
@@ -47,7 +49,7 @@ class StageClock:
             self.passes[stage] = self.passes.get(stage, 0.0) + 1
 
     def end(self) -> None:
-        """The stage that runs ends now."""
+        """End the current stage."""
         if self._now is not None:
             stage = self._now[0]
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - self._since
@@ -72,11 +74,11 @@ class Worker:
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
-        self.handed_back: list[JobRow] = []
-        self.broken: SandboxError | None = None  # set once no job can run any more: end this process
+        self.released: list[JobRow] = []
+        self.broken: SandboxError | None = None  # set once no job can run: end this process
 
     def run(self, job_id: str) -> None:
-        """Run a job that may be there to be run. Whatever happens, its row tells how it ended."""
+        """Run the job if it can be claimed. Its row tells how it ended, whatever happens."""
         with self._idle:
             self._busy += 1
         try:
@@ -88,12 +90,13 @@ class Worker:
                 self._busy -= 1
                 self._idle.notify_all()
         if self._stopping.is_set():
-            # Returning would use the ticket up, though its job waits again. The process is about to end, and
-            # unfinished tickets come back at the next start.
+            # To return would consume the queue entry although its job waits again. The process is about to
+            # end;
+            # entries that are not finished are recovered at the next start.
             threading.Event().wait()
 
     def stop(self, timeout_s: float) -> bool:
-        """Kill what runs and hand it back to the queue; True when that was done in time."""
+        """Kill running jobs and release them to the queue; True if that was done in time."""
         self._stopping.set()
         with self._idle:
             return self._idle.wait_for(lambda: self._busy == 0, timeout_s)
@@ -115,30 +118,31 @@ class Worker:
         except SandboxError as error:
             self.broken = error
             self._stopping.set()
-            self._hand_back(row)
+            self._release(row)
         except Exception as error:
-            if (away := unavailable_dependency(error)) is not None:
-                log.warning("job handed back", away=away, reason=str(error)[:300])
-                self._hand_back(row)
+            if (unavailable := unavailable_dependency(error)) is not None:
+                log.warning("job released", unavailable=unavailable, reason=str(error)[:300])
+                self._release(row)
                 return
             instance = f"urn:uuid:{uuid.uuid4()}"
             log.exception("worker failed", instance=instance)
-            detail = f"an unforeseen error in the worker; report it with the id {instance}"
+            detail = f"an unexpected error in the worker; report it with the id {instance}"
             self._fail(row, problem_of(InternalError(detail), instance=instance), heart)
 
-    def _hand_back(self, row: JobRow) -> bool:
-        """Without blame; False when it was not ours any more. The reaper finds it waiting without a ticket; when this worker
-        stops, `handed_back` gets theirs at once.
+    def _release(self, row: JobRow) -> bool:
+        """Return the job to the queue, not counted as a crash; False if it belongs to another attempt.
+
+        The reaper requeues it. When this worker stops, it requeues the jobs in `released` itself.
         """
         try:
-            done = self._jobs.hand_back(row.id, row.attempt)
+            done = self._jobs.release(row.id, row.attempt)
         except DATABASE_UNAVAILABLE:
-            return False  # silent from now on: the reaper hands it on
+            return False  # without heartbeats from now on: the reaper reassigns it
         if done and self._stopping.is_set():
-            self.handed_back.append(row)
+            self.released.append(row)
         return done
 
-    def _retry(self, act: Callable[[], Made], heart: Heartbeat) -> Made:
+    def _retry(self, act: Callable[[], Returned], heart: Heartbeat) -> Returned:
         return retry_transient(act, is_wanted=lambda: heart.is_ours and not self._stopping.is_set())
 
     def _fail(self, row: JobRow, problem: Problem, heart: Heartbeat) -> None:
@@ -154,7 +158,7 @@ class Worker:
 
         def on_progress(stage: str, percent: float, message: str) -> None:
             clock.enter(stage, message)
-            with suppress(*DATABASE_UNAVAILABLE):  # told again soon
+            with suppress(*DATABASE_UNAVAILABLE):  # the next message follows soon
                 self._jobs.beat(
                     row.id,
                     row.attempt,
@@ -174,7 +178,7 @@ class Worker:
         return outcome
 
     def _task(self, row: JobRow, folder: Path, heart: Heartbeat) -> dict[str, Any]:
-        """What `child.run` is told; the meshes are copied into the job's folder."""
+        """The task for `child.run`; the meshes are copied into the folder of the job."""
         options = Options.model_validate(row.options)
         task: dict[str, Any] = {
             "folder": str(folder),
@@ -184,18 +188,21 @@ class Worker:
             "tolerance_mm": options.tolerance_mm,
             "seed": options.seed,
         }
-        for mesh, given in row.inputs.items():
-            path = folder / f"{mesh}.mesh"  # never the client's file name: that is a hint, not a path
-            self._fetch(given["blob"], path, heart, mesh)
+        for mesh, source in row.inputs.items():
+            path = folder / f"{mesh}.mesh"  # not the client's file name, which is only a hint of the format
+            self._fetch(source["blob"], path, heart, mesh)
             unit = getattr(options.units, mesh)
-            task[mesh] = {"path": str(path), "filename": given["filename"], "unit": unit}
+            task[mesh] = {"path": str(path), "filename": source["filename"], "unit": unit}
         if row.type == "registration":
             name = design_cache.name_of(
                 row.tenant, row.inputs["design"]["blob"], task["design"], task["settings"], options.seed
             )
             task["design_cache"] = str(folder / f"{name}.npz")
             known = self._fetch_design(name, folder / f"{name}.npz")
-            log.info("design known" if known else "design new", design=row.inputs["design"]["blob"])
+            log.info(
+                "design model cached" if known else "design model not cached yet",
+                design=row.inputs["design"]["blob"],
+            )
             task["design_known"] = known
         return task
 
@@ -203,19 +210,19 @@ class Worker:
         try:
             self._retry(lambda: self._blobs.fetch(blob_id, path), heart)
         except FileNotFoundError as error:
-            raise UnknownBlob(f"{mesh}: the blob {blob_id} is stored here no more; send it again") from error
+            raise UnknownBlob(f"{mesh}: the blob {blob_id} is no longer stored; send it again") from error
 
     def _fetch_design(self, name: str, path: Path) -> bool:
-        """A cache that is away costs the analysis anew, and no job."""
+        """True if the design model was cached. If the cache is unavailable, the design is analysed again."""
         try:
             return self._designs.fetch(name, path)
         except Exception:
-            log.exception("design not fetched")
-            path.unlink(missing_ok=True)  # half of it, perhaps
+            log.exception("cached design model not fetched")
+            path.unlink(missing_ok=True)  # it may be incomplete
             return False
 
     def _count(self, row: JobRow, task: dict[str, Any], outcome: Outcome, clock: "StageClock") -> None:
-        """For /metrics; how jobs ended is counted by JobStore. A count that cannot be made fails no job."""
+        """Counters for /metrics; JobStore counts how jobs end. An error here fails no job."""
         try:
             self._metrics.add("cusp_stage_seconds", clock.seconds)
             self._metrics.add("cusp_stage_passes", clock.passes)
@@ -224,10 +231,10 @@ class Worker:
             if outcome.peak_mib:
                 self._metrics.peak_mib(row.type, outcome.peak_mib)
         except Exception:
-            log.exception("not counted")
+            log.exception("counters not written")
 
     def _keep_design(self, task: dict[str, Any]) -> None:
-        """Keep the analysis that a job made of its design. A cache that is full or gone fails no job."""
+        """Store the design model that the job computed. A cache that is full or unavailable fails no job."""
         if "design_cache" not in task or task["design_known"]:
             return
         path = Path(task["design_cache"])
@@ -235,7 +242,7 @@ class Worker:
             if path.is_file() and not path.is_symlink():
                 self._designs.keep(path.stem, path)
         except Exception:
-            log.exception("design not kept")
+            log.exception("design model not cached")
 
     def _conclude(self, row: JobRow, folder: Path, outcome: Outcome, heart: Heartbeat) -> None:
         facts = {
@@ -243,13 +250,13 @@ class Worker:
             "peak_mib": outcome.peak_mib and round(outcome.peak_mib),
         }
         if outcome.kind == "unwanted" or not heart.is_ours:
-            handed_back = self._stopping.is_set() and self._hand_back(row)
-            log.info("job handed back" if handed_back else "job no longer wanted", **facts)
+            was_released = self._stopping.is_set() and self._release(row)
+            log.info("job released" if was_released else "job no longer wanted", **facts)
         elif outcome.kind == "failed" and outcome.problem is not None:
             self._fail(row, outcome.problem, heart)
             log.warning("job failed", code=outcome.problem.code, detail=outcome.problem.detail, **facts)
             if outcome.problem.status >= 500:
-                log.warning("its process said", said=log_tail(folder))
+                log.warning("output of the job's process", output=log_tail(folder))
         elif not (folder / "out" / "results.json").is_file():
             self._fail(row, problem_of(JobCrashed("the job ended without results; report it")), heart)
             log.error("job without results", **facts)
@@ -259,13 +266,15 @@ class Worker:
             log.info("job no longer wanted", **facts)
 
     def _publish(self, row: JobRow, out: Path, heart: Heartbeat) -> bool:
-        """Store the files, then have the row point to them; False when the job was not ours any more, and nothing of this
-        attempt is left. Another attempt's files are never touched: they may be the published ones.
+        """Store the files, then make the row refer to them.
+
+        False if the job belongs to another attempt; the files of this attempt are deleted then. Files of
+        other attempts are not touched: they may be the published ones.
         """
         files = self._retry(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
         if self._retry(lambda: self._jobs.succeed(row.id, row.attempt, files), heart):
             return True
-        # Not moved by this call. By an earlier one perhaps, whose answer was lost with the connection: ask the row.
+        # An earlier call may have succeeded although its answer was lost with the connection: read the row.
         now = self._retry(lambda: self._jobs.find(row.id), heart)
         if now is not None and now.published_attempt == row.attempt and now.removed_ms is None:
             return True

@@ -1,4 +1,4 @@
-"""The worker process: opens everything, runs until it is told to stop, and ends within seconds."""
+"""The worker process: opens its parts, runs until it gets a signal, and ends within seconds."""
 
 import os
 import shutil
@@ -8,10 +8,10 @@ import time
 
 import structlog
 
-from service.execution.periodic import Chore
+from service.execution.periodic import PeriodicTask
 from service.execution.sandbox import Limits, Sandbox, SandboxError
 from service.execution.worker import Worker
-from service.jobs.dispatcher import TicketDesk
+from service.jobs.dispatcher import Dispatcher
 from service.jobs.liveness import DEAD_AFTER_MS, WORKER_HEARTBEAT_S
 from service.jobs.metrics import Metrics
 from service.jobs.models import now_ms
@@ -28,23 +28,23 @@ from service.webhooks.http_client import Poster
 from service.webhooks.outbox import Deliveries
 from service.webhooks.sender import Sender
 
-EXIT_BROKEN = 3  # no job can run on this machine: starting again would not help
+EXIT_BROKEN = 3  # no job can run on this machine: a restart would not help
 SWEEP_INTERVAL_S = 5.0
 RETENTION_INTERVAL_S = 60.0
-LOOK_INTERVAL_S = 0.2
+POLL_INTERVAL_S = 0.2
 STOP_TIMEOUT_S = 5.0
 log = structlog.get_logger()
 
 
 def run_worker(settings: ServiceSettings) -> int:
-    """Run jobs until SIGTERM or SIGINT. Returns the exit code; call `os._exit` with it, for threads may hang."""
+    """Run jobs until SIGTERM or SIGINT. Returns the exit code for `os._exit`, since threads may hang."""
     stop = threading.Event()
     for kind in (signal.SIGTERM, signal.SIGINT):
         signal.signal(kind, lambda *_: stop.set())
     engine = open_database(settings.database)
     jobs, blobs = JobStore(engine), BlobStore(settings.blobs)
     if not settings.is_embedded and _is_taken(jobs, settings.worker_id):
-        log.error("another worker has this name and lives; set CUSP_WORKER_ID", worker_id=settings.worker_id)
+        log.error("a live worker has this name already; set CUSP_WORKER_ID", worker_id=settings.worker_id)
         return EXIT_BROKEN
     sandbox = Sandbox(Limits(settings.job_time_limit_s, settings.job_memory_limit_mib))
     try:
@@ -53,7 +53,7 @@ def run_worker(settings: ServiceSettings) -> int:
         log.error("cannot run jobs", reason=str(error))
         return EXIT_BROKEN
     scratch = settings.scratch_dir / settings.worker_id
-    shutil.rmtree(scratch, ignore_errors=True)  # of the jobs that it ran when it was killed
+    shutil.rmtree(scratch, ignore_errors=True)  # left by a worker that was killed
     scratch.mkdir(mode=0o700, parents=True)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
@@ -63,28 +63,28 @@ def run_worker(settings: ServiceSettings) -> int:
     reaper.at_start(settings.worker_id)
     runner = DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run)
     runner.start()
-    threading.Thread(target=TicketDesk(jobs, queue).run, args=(stop,), daemon=True).start()
+    threading.Thread(target=Dispatcher(jobs, queue).run, args=(stop,), daemon=True).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()
     retention = Retention(jobs, blobs, designs, settings.retention_h)
-    alive = Chore(
-        "say that it lives", lambda: jobs.worker_beat(settings.worker_id), WORKER_HEARTBEAT_S
+    alive = PeriodicTask(
+        "worker heartbeat", lambda: jobs.worker_beat(settings.worker_id), WORKER_HEARTBEAT_S
     ).begin(stop)
-    # After a database that was away, workers that were not heard of may be heard of again: wait for them.
-    Chore("look for lost jobs", reaper.sweep, SWEEP_INTERVAL_S, DEAD_AFTER_MS / 1000).begin(stop)
-    Chore("let go what is old", retention.sweep, RETENTION_INTERVAL_S).begin(stop)
-    while worker.broken is None and not stop.wait(LOOK_INTERVAL_S):
+    # After an outage of the database, wait for the heartbeats of workers that could not write them.
+    PeriodicTask("recover lost jobs", reaper.sweep, SWEEP_INTERVAL_S, DEAD_AFTER_MS / 1000).begin(stop)
+    PeriodicTask("retention", retention.sweep, RETENTION_INTERVAL_S).begin(stop)
+    while worker.broken is None and not stop.wait(POLL_INTERVAL_S):
         pass
     stop.set()
     in_time = worker.stop(STOP_TIMEOUT_S)
     sandbox.stop()
-    runner.stop()  # before the tickets: it would take them again
-    for row in worker.handed_back:
-        queue.requeue(row.id, row.turn)  # for whichever worker is there
-    alive.join(WORKER_HEARTBEAT_S)  # a last beat would undo the next line
+    runner.stop()  # before requeue: it would take those entries again
+    for row in worker.released:
+        queue.requeue(row.id, row.rank)  # for any other worker
+    alive.join(WORKER_HEARTBEAT_S)  # a late heartbeat would undo the next line
     jobs.worker_gone(settings.worker_id)
-    log.info("worker stops", handed_back=in_time)
+    log.info("worker stops", released=in_time)
     if worker.broken is not None:
         log.error("cannot run jobs", reason=str(worker.broken))
         return EXIT_BROKEN
@@ -92,7 +92,7 @@ def run_worker(settings: ServiceSettings) -> int:
 
 
 def _is_taken(jobs: JobStore, worker_id: str) -> bool:
-    """True when somebody else says every second that a worker of this name lives: two would take each other's jobs."""
+    """True if another process writes heartbeats under this name: the two would take each other's jobs."""
     heard_ms = jobs.worker_heard_ms(worker_id)
     if heard_ms is None or heard_ms < now_ms() - 60_000:
         return False

@@ -1,11 +1,12 @@
-"""The process that every job's child is forked from: it has done the imports, and it has one thread.
+"""The process that forks the child of every job: it has imported the libraries and has one thread.
 
     python -m service.execution.zygote FD TARGET
 
-FD is a socket (SOCK_SEQPACKET) to the worker. It takes {"start": key, "folder", "memory_limit_bytes"} together with
-the write end of a pipe, and {"kill": key}; what the job is about is in the file task.json of its folder. On that pipe the
-worker hears JSON lines: "started" from here, "progress", "problem" or "done" from the child, and last "ended" from here.
-When the socket closes (the worker ended, however), every child is killed and this process ends.
+FD is a socket (SOCK_SEQPACKET) to the worker. It receives {"start": key, "folder", "memory_limit_bytes"} with
+the write end of a pipe, and {"kill": key}. The task of the job is in the file task.json of its folder. The
+worker reads JSON lines from the pipe: "started" from here, "progress", "problem" or "done" from the child, at
+last "ended" from here. When the socket closes, because the worker ended, every child is killed and this
+process ends.
 """
 
 import gc
@@ -25,9 +26,9 @@ from typing import Any
 
 from service.execution import forked, process
 
-WATCH_INTERVAL_S = 0.05  # how often the memory of children is looked at
+WATCH_INTERVAL_S = 0.05  # between checks of the children's memory
 MESSAGE_BYTES = 64 * 1024
-RUNAWAY_TIMEOUT_S = 2.0  # a killed process is gone in milliseconds, unless the kernel holds it
+ORPHAN_TIMEOUT_S = 2.0  # a killed process ends in milliseconds, unless it waits in the kernel
 
 
 @dataclass(slots=True)
@@ -42,7 +43,7 @@ class Child:
 
 
 class Zygote:
-    """Forks, watches and reaps; single-threaded, so that what it forks is sound."""
+    """Forks, watches and reaps. Single-threaded, since only then a fork is safe."""
 
     def __init__(self, control: socket.socket, target: ModuleType) -> None:
         self._control = control
@@ -55,14 +56,14 @@ class Zygote:
         signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
 
     def serve(self) -> None:
-        """Until the worker is gone."""
+        """Run until the worker ends."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._control, selectors.EVENT_READ)
             selector.register(self._wake_read, selectors.EVENT_READ)
             while True:
                 for key, _ in selector.select(WATCH_INTERVAL_S if self._children else None):
                     if key.fileobj is self._control:
-                        if not self._obey():
+                        if not self._receive():
                             self._kill_all()
                             return
                     else:
@@ -71,7 +72,7 @@ class Zygote:
                 self._reap()
                 self._watch_memory()
 
-    def _obey(self) -> bool:
+    def _receive(self) -> bool:
         try:
             message, fds, _, _ = socket.recv_fds(self._control, MESSAGE_BYTES, 1)
         except ConnectionError:
@@ -94,36 +95,38 @@ class Zygote:
             forked.main(self._target, order, report_fd, close=self._inherited_fds())
         child = Child(order["start"], pid, report_fd, order["memory_limit_bytes"])
         self._children[pid] = child
-        _tell(child, {"event": "started", "pid": pid})
+        _send_event(child, {"event": "started", "pid": pid})
 
     def _inherited_fds(self) -> list[int]:
-        """What a child must not hold: the way to the worker, and the reports of other jobs."""
+        """File descriptors that a child must close: the control socket and the reports of other jobs."""
         reports = [child.report_fd for child in self._children.values()]
         return [self._control.fileno(), self._wake_read, self._wake_write, *reports]
 
     def _reap(self) -> None:
         while True:
             try:
-                # Look before reaping: until then no other process can get the number of the group.
-                found = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+                # Kill the group before reaping: until then its number cannot be reused.
+                ended_child = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
             except ChildProcessError:
                 return
-            if found is None:
+            if ended_child is None:
                 return
-            if found.si_pid in self._children:
-                process.kill_group(found.si_pid)
-            _, status, usage = os.wait4(found.si_pid, 0)
-            if child := self._children.pop(found.si_pid, None):
-                self._kill_runaways()
+            if ended_child.si_pid in self._children:
+                process.kill_group(ended_child.si_pid)
+            _, status, usage = os.wait4(ended_child.si_pid, 0)
+            if child := self._children.pop(ended_child.si_pid, None):
+                self._kill_orphans()
                 ended = {"event": "ended", "status": status, "by": child.ended_by}
-                _tell(child, {**ended, "peak_bytes": usage.ru_maxrss * 1024})
+                _send_event(child, {**ended, "peak_bytes": usage.ru_maxrss * 1024})
                 os.close(child.report_fd)
 
-    def _kill_runaways(self) -> None:
-        """Kill what a job left behind in groups of its own; being a subreaper, it is our child now. Each that ends makes its
-        own children ours, so until none is left.
+    def _kill_orphans(self) -> None:
+        """Kill processes that a job left in other groups. They are our children now, since we are a
+        subreaper.
+
+        When one of them ends, we adopt its children too: repeat until none is left.
         """
-        deadline = time.monotonic() + RUNAWAY_TIMEOUT_S
+        deadline = time.monotonic() + ORPHAN_TIMEOUT_S
         while time.monotonic() < deadline:
             left = [pid for pid in process.children_of(os.getpid()) if pid not in self._children]
             if not left:
@@ -144,19 +147,19 @@ class Zygote:
     def _kill_all(self) -> None:
         for child in self._children.values():
             process.kill_group(child.pid)
-        self._children.clear()  # now they are runaways as well
-        self._kill_runaways()
+        self._children.clear()  # they count as orphans now
+        self._kill_orphans()
 
 
-def _tell(child: Child, event: dict[str, Any]) -> None:
-    """Write to the job's report. A line break first: the child may have died within a line."""
+def _send_event(child: Child, event: dict[str, Any]) -> None:
+    """Write to the report of the job. A line break first: the child may have died within a line."""
     with suppress(BrokenPipeError):
         os.write(child.report_fd, b"\n" + json.dumps(event).encode() + b"\n")
 
 
 def main(control_fd: int, target_name: str) -> None:
-    """Import, say that it is ready, serve."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the whole terminal; the worker decides
+    """Import, report ready, serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole terminal; the worker decides
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     process.adopt_orphans()
     control = socket.socket(fileno=control_fd)

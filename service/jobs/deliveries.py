@@ -1,4 +1,5 @@
-"""The webhook message of a job that became final. It is stored in the transaction that ends the job, so none is lost.
+"""The webhook message of a job that became final. It is stored in the transaction that ends the job, so none
+is lost.
 
 `service.webhooks` sends it.
 """
@@ -38,7 +39,8 @@ class DeliveryRow(Base):
 
 
 def announce(session: Session, job_id: str, at_ms: int) -> None:
-    """Store the message of a job that ends, if its client asked for one. Call it in the transaction that ends the job.
+    """Store the message of a job that ends, if its client asked for one. Call it in the transaction that ends
+    the job.
 
     A row that cannot be read (damaged, or written by a later version) still ends; no message is sent for it.
     """

@@ -1,7 +1,7 @@
-"""Gives accepted jobs their tickets for the queue, and takes back those of dismissed ones.
+"""Puts accepted jobs into the queue, and removes the entries of dismissed ones.
 
-The API only writes rows: it needs no queue, and a queue that is away refuses nobody's job. Any number of workers may do this
-at once, since a job's ticket has the job's id.
+The API writes rows only: it needs no queue, so no job is refused when the queue is unavailable. Any number of
+workers may dispatch at the same time, since a queue entry has the id of its job.
 """
 
 import threading
@@ -11,31 +11,32 @@ import structlog
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 
-LOOK_INTERVAL_S = 0.05
-BATCH = 100  # of dismissed ones at a time, so that they hold up nobody
+POLL_INTERVAL_S = 0.05
+RETRY_AFTER_S = 1.0
+BATCH = 100  # jobs per pass, so that no pass takes long
 log = structlog.get_logger()
 
 
-class TicketDesk:
-    """Call `serve` often, or `run` in a thread."""
+class Dispatcher:
+    """Call `dispatch` often, or `run` in a thread."""
 
     def __init__(self, jobs: JobStore, queue: Queue) -> None:
         self._jobs, self._queue = jobs, queue
 
-    def serve(self) -> None:
-        """Once: tickets for jobs that have none, none for jobs that are dismissed."""
-        for job_id, turn in self._jobs.without_ticket(BATCH).items():
-            self._queue.enqueue(job_id, turn)
-            self._jobs.note_ticket([job_id], has_ticket=True)
-        if dismissed := self._jobs.dismissed_with_ticket(BATCH):
+    def dispatch(self) -> None:
+        """One pass: add entries for accepted jobs without one, remove those of dismissed jobs."""
+        for job_id, rank in self._jobs.without_queue_entry(BATCH).items():
+            self._queue.enqueue(job_id, rank)
+            self._jobs.note_queue_entry([job_id], is_enqueued=True)
+        if dismissed := self._jobs.dismissed_with_queue_entry(BATCH):
             self._queue.drop(dismissed)
-            self._jobs.note_ticket(dismissed, has_ticket=False)
+            self._jobs.note_queue_entry(dismissed, is_enqueued=False)
 
     def run(self, stop: threading.Event) -> None:
-        """Until `stop`."""
-        while not stop.wait(LOOK_INTERVAL_S):
+        """Dispatch until `stop` is set."""
+        while not stop.wait(POLL_INTERVAL_S):
             try:
-                self.serve()
+                self.dispatch()
             except Exception:
-                log.exception("tickets wait")  # a database that is away, most likely
-                stop.wait(1.0)
+                log.exception("jobs not dispatched")  # most likely the database is unavailable
+                stop.wait(RETRY_AFTER_S)

@@ -1,5 +1,6 @@
-"""What Prometheus asks for. Counts are kept in the database, since the API, the workers and their restarts are many processes;
-the state of the queue is read from the jobs themselves when it is asked for.
+"""Metrics for Prometheus. Counters are in the database, since the API and the workers are several processes.
+
+Gauges of the queue are computed from the table of jobs on each request.
 """
 
 import shutil
@@ -46,18 +47,19 @@ _ADD = text(
     "ON CONFLICT (name, label) DO UPDATE SET value = counters.value + excluded.value"
 )
 _RAISE = text(
-    "INSERT INTO counters (name, label, value) VALUES (:name, :label, :value) ON CONFLICT (name, label) "
-    "DO UPDATE SET value = CASE WHEN excluded.value > counters.value THEN excluded.value ELSE counters.value END"
+    "INSERT INTO counters (name, label, value) VALUES (:name, :label, :value) "
+    "ON CONFLICT (name, label) DO UPDATE SET value = "
+    "CASE WHEN excluded.value > counters.value THEN excluded.value ELSE counters.value END"
 )
 
 
 def count(session: Session, name: str, label: str) -> None:
-    """One more, in the transaction of what is counted: never without it, and never twice."""
+    """Increment a counter in the transaction of the counted event, so that both are stored or none."""
     session.execute(_ADD, {"name": name, "label": label[:64], "value": 1})
 
 
 class Metrics(Collector):
-    """Counts of one database, and its text for Prometheus. Safe to share between threads and processes."""
+    """Metrics of one database. Safe to share between threads and processes."""
 
     def __init__(self, engine: Engine, data_dir: Path) -> None:
         self._engine, self._data_dir = engine, data_dir
@@ -74,7 +76,7 @@ class Metrics(Collector):
                 connection.execute(_ADD, rows)
 
     def peak_mib(self, job_type: str, mib: float) -> None:
-        """Note the most memory that a job's process took."""
+        """Raise the maximum of the memory of a job's process."""
         with self._engine.begin() as connection:
             connection.execute(_RAISE, {"name": PEAK, "label": job_type, "value": mib})
 
@@ -88,9 +90,7 @@ class Metrics(Collector):
         """See prometheus_client."""
         with self._session() as session:
             counted = session.execute(select(CounterRow.name, CounterRow.label, CounterRow.value)).all()
-            status = type_coerce(
-                JobRow.status, String
-            )  # a later version may have words that are unknown here
+            status = type_coerce(JobRow.status, String)  # a later version may have other words
             statuses = select(status, func.count()).group_by(status)
             by_status: dict[str, int] = {row[0]: row[1] for row in session.execute(statuses)}
             oldest = session.scalar(

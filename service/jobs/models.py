@@ -1,4 +1,6 @@
-"""A job as a row, and the only moves its status may make. Our table is the truth; the queue only says what is next."""
+"""A job as a row, and the transitions its status may make. This table decides; the queue only orders what
+runs next.
+"""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -10,9 +12,9 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from service.contract.schemas import Status
 
 DEFAULT_TENANT = "default"  # of a service without keys
-MAX_CRASHES = 3  # workers that may die while running a job before the job is taken for the cause
+MAX_CRASHES = 3  # after so many dead workers the job itself is taken for the cause
 
-#: Which status may follow which. RUNNING -> ACCEPTED hands a job on whose worker died or stopped.
+#: Which status may follow which. RUNNING -> ACCEPTED: its worker died or stopped.
 MOVES: dict[Status, frozenset[Status]] = {
     Status.ACCEPTED: frozenset({Status.RUNNING, Status.FAILED, Status.DISMISSED}),
     Status.RUNNING: frozenset({Status.ACCEPTED, Status.SUCCESSFUL, Status.FAILED, Status.DISMISSED}),
@@ -23,7 +25,7 @@ MOVES: dict[Status, frozenset[Status]] = {
 
 
 class IllegalMove(Exception):
-    """A status was asked to go where it cannot."""
+    """A status transition that MOVES does not allow."""
 
 
 def check_move(before: Status, after: Status) -> None:
@@ -66,8 +68,8 @@ class JobRow(Base):
     inputs: Mapped[dict[str, Any]] = mapped_column(JSON)  # mesh name -> {"blob", "filename"}
     options: Mapped[dict[str, Any]] = mapped_column(JSON)  # schemas.Options
     attempt: Mapped[int] = mapped_column(default=0)
-    turn: Mapped[int] = mapped_column(default=0)  # place in the queue, the least first; see JobStore
-    has_ticket: Mapped[bool] = mapped_column(default=False)  # of the queue; see TicketDesk
+    rank: Mapped[int] = mapped_column("turn", default=0)  # fair-queue rank, lowest first; see queue_entries
+    is_enqueued: Mapped[bool] = mapped_column("has_ticket", default=False)  # see Dispatcher
     crashes: Mapped[int] = mapped_column(default=0)  # attempts that ended with the worker's death
     worker: Mapped[str | None] = mapped_column(String(100))
     heartbeat_ms: Mapped[int | None] = mapped_column(BigInteger)
@@ -77,11 +79,11 @@ class JobRow(Base):
     error: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # schemas.Problem
     files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
     published_attempt: Mapped[int | None]
-    removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: gone for clients, the id stays known
+    removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: hidden from clients, the id is kept
 
 
 class BlobRow(Base):
-    """An uploaded mesh, known by its content; of each tenant that sent it."""
+    """An uploaded mesh, identified by its content; one row for each tenant that sent it."""
 
     __tablename__ = "blobs"
 
@@ -93,7 +95,9 @@ class BlobRow(Base):
 
 
 class IdempotencyRow(Base):
-    """What a client's `Idempotency-Key` stands for; request_sha256 : of the inputs' content and the options"""
+    """The job behind a client's `Idempotency-Key`. request_sha256 : of the content of the inputs and the
+    options
+    """
 
     __tablename__ = "idempotency_keys"
 
@@ -114,12 +118,12 @@ class WorkerRow(Base):
 
 
 def new_id() -> str:
-    """A UUIDv7: sorts by time, also within one millisecond of one process."""
+    """A UUIDv7: ids of one process sort by time, also within one millisecond."""
     return str(uuid_utils.uuid7())
 
 
 def made_ms(job_id: str) -> int | None:
-    """When an id was made, as it says itself; None when it is none of ours."""
+    """Time encoded in an id, ms since 1970; None if it is no UUIDv7 of ours."""
     try:
         return uuid_utils.UUID(job_id).timestamp
     except ValueError:
@@ -127,5 +131,5 @@ def made_ms(job_id: str) -> int | None:
 
 
 def now_ms() -> int:
-    """The time as the tables have it."""
+    """The current time in the unit of the tables: ms since 1970 (UTC)."""
     return int(datetime.now(UTC).timestamp() * 1000)

@@ -1,7 +1,9 @@
-"""What is old enough goes: final jobs with their results, meshes that no unfinished job needs, and kept analyses of designs.
+"""Deletes what is older than the retention time: final jobs with their results, unused meshes, cached design
+models.
 
-A job is gone like one that was removed by DELETE; its id stays known for as long again. Sending a mesh or naming it in a
-new job makes it new. A process may be killed between a row and its bytes, so bytes without a row are looked for as well.
+An expired job looks like one removed by DELETE; its id is kept for the same time again. To send a mesh again,
+or to name it in a new job, restarts its age. A process may be killed between a row and its bytes, so orphaned
+blobs are deleted too.
 """
 
 from collections.abc import Callable
@@ -15,14 +17,14 @@ from service.storage.design_cache import DesignCache
 
 HOUR_MS = 3_600_000
 BATCH = 500
-CUT_OFF_MS = 24 * HOUR_MS  # an upload that began so long ago was cut off
-STRAY_INTERVAL_MS = HOUR_MS  # it lists everything that is stored
-STRAY_AGE_MS = 6 * HOUR_MS  # a row follows its bytes within seconds
+UPLOAD_AGE_MS = 24 * HOUR_MS  # an upload that began so long ago was interrupted
+ORPHAN_INTERVAL_MS = HOUR_MS  # the search lists everything that is stored
+ORPHAN_AGE_MS = 6 * HOUR_MS  # a row follows its bytes within seconds
 log = structlog.get_logger()
 
 
 class Retention:
-    """Call `sweep` now and then. hours : 0 keeps everything"""
+    """Call `sweep` every minute or so. hours : retention time; 0 keeps everything"""
 
     def __init__(
         self,
@@ -34,25 +36,27 @@ class Retention:
     ) -> None:
         self._jobs, self._blobs, self._designs = jobs, blobs, designs
         self._age_ms, self._clock_ms = int(hours * HOUR_MS), clock_ms
-        self._strays_due_ms = 0
+        self._orphans_due_ms = 0
 
     def sweep(self) -> None:
-        """Once over everything that is due, at most `BATCH` of each kind. What cannot be done now holds up nothing else."""
-        steps: list[Callable[[int], int]] = [self._uploads, self._strays]
+        """One pass over all that is due, at most `BATCH` of each kind. A step that fails does not stop the
+        others.
+        """
+        steps: list[Callable[[int], int]] = [self._uploads, self._orphaned_blobs]
         if self._age_ms:
             steps += [self._finished, self._removed, self._meshes, self._analyses]
-        gone: dict[str, int] = {}
+        deleted: dict[str, int] = {}
         for step in steps:
             name = step.__name__.removeprefix("_")
             try:
-                gone[name] = step(self._clock_ms() - self._age_ms)
+                deleted[name] = step(self._clock_ms() - self._age_ms)
             except Exception:
-                log.exception("retention waits", step=name)
-        if any(gone.values()):
-            log.info("retention", **gone)
+                log.exception("retention step failed", step=name)
+        if any(deleted.values()):
+            log.info("retention", **deleted)
 
     def _uploads(self, _: int) -> int:
-        self._blobs.clear_incoming(older_than_ms=self._clock_ms() - CUT_OFF_MS)
+        self._blobs.clear_incoming(older_than_ms=self._clock_ms() - UPLOAD_AGE_MS)
         return 0
 
     def _finished(self, before_ms: int) -> int:
@@ -65,7 +69,7 @@ class Retention:
         return True
 
     def _removed(self, before_ms: int) -> int:
-        """Files first: whoever removed the job may have been killed before them, and no row would name them any more."""
+        """Files first: the process that removed the job may have been killed before it deleted them."""
         ids = self._jobs.removed_before(before_ms, BATCH)
         for job_id in ids:
             self._blobs.remove_results(job_id)
@@ -79,19 +83,19 @@ class Retention:
             for blob in self._jobs.blobs_before(before_ms, BATCH)
             if blob.id not in needed and self._jobs.forget_blob(blob, before_ms)
         }
-        for blob_id in swept - self._jobs.known_blobs(list(swept)):  # of no other tenant either
+        for blob_id in swept - self._jobs.known_blobs(list(swept)):  # no other tenant has them
             self._blobs.remove(blob_id, older_than_ms=before_ms)
         return len(swept)
 
     def _analyses(self, before_ms: int) -> int:
         return self._designs.remove_older(before_ms)
 
-    def _strays(self, _: int) -> int:
-        """Bytes that no row names."""
+    def _orphaned_blobs(self, _: int) -> int:
+        """Delete stored bytes that no row refers to."""
         now = self._clock_ms()
-        if now < self._strays_due_ms:
+        if now < self._orphans_due_ms:
             return 0
-        self._strays_due_ms, before_ms, count = now + STRAY_INTERVAL_MS, now - STRAY_AGE_MS, 0
+        self._orphans_due_ms, before_ms, count = now + ORPHAN_INTERVAL_MS, now - ORPHAN_AGE_MS, 0
         needed = self._jobs.blobs_of_unfinished()
         for stored in self._blobs.stored(older_than_ms=before_ms):
             for blob_id in set(stored) - self._jobs.known_blobs(stored) - needed:

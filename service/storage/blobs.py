@@ -1,7 +1,7 @@
-"""Bytes: uploaded meshes by their content, and the files of results by job and attempt.
+"""Stored bytes: uploaded meshes by their content, and result files by job and attempt.
 
-Everything goes through obstore: a folder or an S3 bucket, by the URL alone. An upload is written once, under a passing
-name, while it is hashed; a rename then gives it the name that its content has.
+obstore reads and writes a folder or an S3 bucket, depending on the URL. An upload is written once under a
+temporary name while it is hashed; then it is renamed to the hash of its content.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from pipeline import HEAD_BYTES
 from service.storage.durable import settle
 
 if TYPE_CHECKING:
-    from obstore import ObjectMeta  # which is there for type checkers only
+    from obstore import ObjectMeta  # exists for type checkers only
 
 CHUNK_BYTES = 1024 * 1024
 MEDIA_TYPES = {
@@ -34,7 +34,7 @@ MEDIA_TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """An upload that is on disk but not yet stored under its content."""
+    """An upload that is written but not yet stored under its content."""
 
     key: str
     sha256: str
@@ -48,12 +48,12 @@ class Upload:
 
 
 class UploadWriter:
-    """Takes an upload chunk by chunk; `finish` or `abort` it."""
+    """Writes an upload chunk by chunk; call `finish` or `abort` at the end."""
 
     def __init__(self, store: ObjectStore) -> None:
         self._store = store
         self._key = f"incoming/{uuid.uuid4()}"
-        # A bucket takes parts of 5 MiB and more; a file takes anything, and what is buffered is memory of the API.
+        # A bucket needs parts of at least 5 MiB. For a file, a small buffer saves memory of the API.
         buffer_bytes = CHUNK_BYTES if isinstance(store, LocalStore) else 8 * CHUNK_BYTES
         self._writer = obstore.open_writer(store, self._key, buffer_size=buffer_bytes)
         self._hash = hashlib.sha256()
@@ -74,15 +74,15 @@ class UploadWriter:
         return Upload(self._key, self._hash.hexdigest(), self._size, self._head)
 
     def abort(self) -> None:
-        """Leave nothing behind, as far as that can be done: what stays is swept a day later."""
-        with suppress(Exception):  # a full disk, most likely
+        """Delete what was written. If that fails, retention deletes it a day later."""
+        with suppress(Exception):  # most likely a full disk
             self._writer.close()
         with suppress(Exception):
             obstore.delete(self._store, self._key)
 
 
 def open_store(url: str) -> ObjectStore:
-    """A folder (`file:///path`, made when it is missing) or a bucket (`s3://bucket/prefix`), which has to be there.
+    """A folder (`file:///path`, created if missing) or an existing bucket (`s3://bucket/prefix`).
 
     Credentials, region and endpoint of S3 are read from the usual `AWS_*` variables.
     """
@@ -90,12 +90,12 @@ def open_store(url: str) -> ObjectStore:
         return LocalStore(url.removeprefix("file://"), mkdir=True)
     bucket, _, prefix = url.removeprefix("s3://").partition("/")
     endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or ""
-    plain = endpoint.startswith("http://")  # whoever gives such an address means it
+    plain = endpoint.startswith("http://")  # an explicit http:// endpoint is intended
     return S3Store(bucket, prefix=prefix or None, client_options={"allow_http": plain})
 
 
 class BlobStore:
-    """All bytes of one service. Safe to share between threads."""
+    """The stored bytes of one service. Safe to share between threads."""
 
     def __init__(self, url: str) -> None:
         self._store = open_store(url)
@@ -103,7 +103,7 @@ class BlobStore:
 
     @property
     def store(self) -> ObjectStore:
-        """Where the bytes are, for what is kept beside the blobs."""
+        """The underlying store, for the design cache."""
         return self._store
 
     def writer(self) -> UploadWriter:
@@ -111,7 +111,7 @@ class BlobStore:
         return UploadWriter(self._store)
 
     def receive(self, file: IO[bytes]) -> Upload:
-        """Copy an open file in."""
+        """Write an open file as an upload."""
         writer = self.writer()
         try:
             while chunk := file.read(CHUNK_BYTES // 4):
@@ -122,18 +122,18 @@ class BlobStore:
             raise
 
     def keep(self, upload: Upload) -> None:
-        """Store the upload under its content. The same content twice is one blob."""
+        """Store the upload under its content. The same content is stored once."""
         self._settle([upload.key])
         key = _blob_key(upload.blob_id)
         obstore.rename(self._store, upload.key, key)
         self._settle(_folders_of(key))
 
     def discard(self, upload: Upload) -> None:
-        """Throw a refused upload away."""
+        """Delete a refused upload."""
         obstore.delete(self._store, upload.key)
 
     def has(self, blob_id: str) -> bool:
-        """True when the content is here."""
+        """True if the content is stored."""
         try:
             obstore.head(self._store, _blob_key(blob_id))
         except FileNotFoundError:
@@ -141,21 +141,22 @@ class BlobStore:
         return True
 
     def remove(self, blob_id: str, *, older_than_ms: int) -> None:
-        """Delete the content, unless it was sent again since then."""
+        """Delete the content, unless it was sent again since `older_than_ms`."""
         key = _blob_key(blob_id)
         with suppress(FileNotFoundError):
             if _ms(obstore.head(self._store, key)) < older_than_ms:
                 obstore.delete(self._store, key)
 
     def fetch(self, blob_id: str, path: Path) -> None:
-        """Write the blob's content to `path`. Raises FileNotFoundError when it is gone."""
+        """Write the blob's content to `path`. Raises FileNotFoundError if it is not stored."""
         content = obstore.get(self._store, _blob_key(blob_id)).stream(min_chunk_size=CHUNK_BYTES)
         with path.open("wb") as file:
             for chunk in content:
                 file.write(memoryview(chunk))
 
     def publish(self, job_id: str, attempt: int, folder: Path) -> list[dict[str, str | int]]:
-        """Store every file of `folder` under the attempt's key; clients see them once the row says so.
+        """Store every file of `folder` for this attempt; clients see them once the row of the job refers to
+        it.
 
         Returns name, size, sha256 and media_type of each, `results.json` first, then by name.
         """
@@ -180,12 +181,14 @@ class BlobStore:
         return entries
 
     def _settle(self, keys: list[str]) -> None:
-        """A bucket answers when it has what it was given; a folder only writes it down sooner or later."""
+        """Flush to disk in a folder. A bucket answers only when the data is stored."""
         if self._folder is not None:
             settle(self._folder / key for key in keys)
 
     def read(self, job_id: str, attempt: int, name: str) -> Iterator[bytes]:
-        """The content of a published file. Raises FileNotFoundError here, not at the first chunk, when it is gone."""
+        """The content of a published file. Raises FileNotFoundError here, not at the first chunk, if it is
+        not stored.
+        """
         content = obstore.get(self._store, _file_key(job_id, attempt, name))
         return (bytes(chunk) for chunk in content.stream(min_chunk_size=CHUNK_BYTES))
 
@@ -196,19 +199,19 @@ class BlobStore:
             obstore.delete(self._store, [entry["path"] for entry in batch])
 
     def clear_incoming(self, *, older_than_ms: int) -> None:
-        """Delete what uploads left that were cut off by a crash; give a time that no living upload began before."""
+        """Delete uploads that a crash interrupted: those last written before `older_than_ms`."""
         for batch in obstore.list(self._store, prefix="incoming"):
             obstore.delete(self._store, [entry["path"] for entry in batch if _ms(entry) < older_than_ms])
 
     def stored(self, *, older_than_ms: int) -> Iterator[list[str]]:
-        """Ids of blobs that were sent last before then, some at a time."""
+        """Ids of blobs last sent before `older_than_ms`, in batches."""
         for batch in obstore.list(self._store, prefix="blobs", chunk_size=1000):
             yield [
                 f"sha256:{entry['path'].rpartition('/')[2]}" for entry in batch if _ms(entry) < older_than_ms
             ]
 
     def jobs_with_results(self) -> list[str]:
-        """Ids of jobs of which any file is stored, published or not."""
+        """Ids of jobs with any stored file, published or not."""
         found = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
         return [path.rpartition("/")[2] for path in found]
 
@@ -218,7 +221,7 @@ def _ms(entry: "ObjectMeta") -> float:
 
 
 def _folders_of(key: str) -> list[str]:
-    """All that hold the key, up to the store's own."""
+    """The parent folders of a key, up to the root of the store."""
     return [str(folder) for folder in Path(key).parents]
 
 

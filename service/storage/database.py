@@ -1,4 +1,4 @@
-"""The database: how it is opened, and how its tables are made. SQLite and PostgreSQL, by the URL alone."""
+"""Opens and migrates the database: SQLite or PostgreSQL, depending on the URL."""
 
 import logging
 import sqlite3
@@ -22,11 +22,12 @@ MIGRATION_LOCK = 0x43555350  # of PostgreSQL's advisory locks: "CUSP"
 
 
 class NoDatabase(Exception):
-    """The database does not answer, refuses us, or would not do."""
+    """The database does not answer, refuses the connection, or is unsuitable."""
 
 
 def check_sqlite(url: str) -> None:
-    """From Python 3.12 on, DBOS has SQLite older than 3.42 write empty times, and jobs in no order: better not to start.
+    """Refuse SQLite older than 3.42 on Python 3.12 or newer: DBOS writes empty times there and loses the
+    order of jobs.
 
     Raises
     ------
@@ -47,8 +48,8 @@ def check_sqlite(url: str) -> None:
 def open_database(url: str) -> Engine:
     """An engine on `sqlite:///file` or `postgresql+psycopg://...`.
 
-    SQLite: WAL lets readers go on while one writes; FULL has an accepted job outlive a loss of power. PostgreSQL: a
-    connection is tried before it is used, so that a restarted server is noticed by nobody.
+    SQLite: with WAL, readers continue while one process writes; with FULL, an accepted job survives a loss of
+    power. PostgreSQL: connections are tested before use, so a restarted server causes no errors.
     """
     if make_url(url).get_backend_name() == "postgresql":
         return create_engine(url, pool_pre_ping=True, connect_args={"connect_timeout": CONNECT_TIMEOUT_S})
@@ -58,8 +59,8 @@ def open_database(url: str) -> Engine:
 
 
 def migrate(url: str) -> None:
-    """Bring the tables to this version's form; an SQLite file is created when it is missing."""
-    from alembic import command  # here: an API that runs has no use for it
+    """Migrate the tables to this version; create a missing SQLite file."""
+    from alembic import command  # here: a running API does not need it
     from alembic.config import Config
 
     logging.getLogger("alembic").setLevel(logging.WARNING)
@@ -77,12 +78,12 @@ def migrate(url: str) -> None:
 
 @contextmanager
 def migrating(url: str) -> Iterator[None]:
-    """While inside, no other machine makes tables in the same PostgreSQL database.
+    """Lock out migrations by other machines in the same PostgreSQL database.
 
     Raises
     ------
     NoDatabase
-        With what the server said, and never with the password.
+        With the message of the server, without the password.
     """
     if make_url(url).get_backend_name() != "postgresql":
         yield
@@ -90,17 +91,18 @@ def migrating(url: str) -> Iterator[None]:
     engine = open_database(url)
     try:
         try:
-            # Without a transaction: DBOS makes indexes concurrently, which wait for the end of every open one.
+            # Without a transaction: DBOS creates indexes concurrently, which waits for every open
+            # transaction.
             connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
         except OperationalError as error:
             shown = make_url(url).render_as_string(hide_password=True)
             reason = " ".join(str(error.orig).split())
             raise NoDatabase(f"no database at {shown}: {reason}; see CUSP_DATABASE_URL") from error
         with connection:
-            # Asking again and again, not waiting: a statement that waits would hold up those indexes as well.
+            # Poll: a waiting statement would also block the creation of those indexes.
             while not connection.scalar(text("SELECT pg_try_advisory_lock(:key)"), {"key": MIGRATION_LOCK}):
                 time.sleep(0.2)
-            yield  # the lock goes with the connection
+            yield  # closing the connection releases the lock
     finally:
         engine.dispose()
 

@@ -1,15 +1,15 @@
-"""A file system keeps what was written to itself for a while. What the database says is there has to be on the disk before it."""
+"""fsync: file systems delay writes, but stored files must be on disk before the database refers to them."""
 
 import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-PARALLEL = 8  # a journal takes what comes at the same time in one go
+PARALLEL = 8  # the journal of the file system commits simultaneous calls together
 
 
 def settle(paths: Iterable[Path]) -> None:
-    """Return when files, or the names in folders, would be there after a loss of power."""
+    """Return when files, or the entries of folders, would survive a loss of power."""
     with ThreadPoolExecutor(PARALLEL) as pool:
         for _ in pool.map(_settle, paths):
             pass

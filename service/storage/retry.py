@@ -1,4 +1,5 @@
-"""Retries for what is unavailable for a while: a database or an object store that restarts, a disk that is full.
+"""Retries for what is unavailable for a while: a database or an object store that restarts, a disk that is
+full.
 
 No job fails for it. A worker waits until the dependency is back; the API answers `not_ready`.
 """
@@ -42,8 +43,8 @@ def unavailable_dependency(error: BaseException) -> str | None:
 def retry_transient(call: Callable[[], Returned], *, is_wanted: Callable[[], bool]) -> Returned:
     """Repeat `call` while a dependency is unavailable, and return what it returns.
 
-    Raises the last error after RETRY_LIMIT_S, or as soon as `is_wanted()` is false. `call` must be idempotent: it may
-    have succeeded although its answer was lost.
+    Raises the last error after RETRY_LIMIT_S, or as soon as `is_wanted()` is false. `call` must be
+    idempotent: it may have succeeded although its answer was lost.
     """
 
     def should_retry(error: BaseException) -> bool:

@@ -200,9 +200,9 @@ function preview() {
     now.part?.preview(mesh, now.isTouched ? chosen.map((k) => points[k].position) : []);
   }
   $('would').textContent = {
-    box: `Would choose ${least}${counts.join(', ')}.`,
-    number: isJoined ? `Peaks are joined over their borders until so many are left; ${counts.join(', ')}.` : `Would choose ${counts.join(', ')}.`,
-    rule: `As the method finds them; ${counts.join(', ')}. Pull the corner of the box, or type, to choose others.`,
+    box: `Selects ${least}${counts.join(', ')}.`,
+    number: isJoined ? `Peaks are merged over their borders until this number remains; ${counts.join(', ')}.` : `Selects ${counts.join(', ')}.`,
+    rule: `Selected by the method; ${counts.join(', ')}. Drag the corner of the box, or enter numbers, to select others.`,
   }[by];
 }
 

@@ -62,7 +62,7 @@ function tell(job) {
   $('progress-box').hidden = isFinal;
   $('remove').hidden = !isFinal;
   $('progress').value = job.progress;
-  const words = isFinal ? job.status : job.status === 'accepted' ? 'waiting for its turn' : job.message ?? job.status;
+  const words = isFinal ? job.status : job.status === 'accepted' ? 'waiting in the queue' : job.message ?? job.status;
   $('stage').classList.toggle('unseen', isFinal);
   if ($('stage').textContent !== words) $('stage').textContent = words; // told once by screen readers
   $('percent').textContent = `${job.progress.toFixed(0)} %`;

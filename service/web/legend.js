@@ -7,8 +7,8 @@ import { percent } from './words.js';
 const BINS = 81; // odd: one stands on zero
 const SIGN = {
   closed: 'Blue: material is missing; red: too much.',
-  open: 'Blue: below the design; red: above it, on the side that its faces look to.',
-  none: 'The faces of the design look to no common side: distances have no sign.',
+  open: 'Blue: below the design; red: above it, on the side of its face normals.',
+  none: 'The face normals of the design are inconsistent: distances have no sign.',
 };
 
 let now = null; // {viewer, deviation, limit}

@@ -140,7 +140,7 @@ function pose(name) {
   $('before').textContent = isBefore ? 'After' : 'Before';
   const notes = [];
   if (now.isAligned && name !== 'final') notes.push('The colours are those of the final pose.');
-  if (now.isAligned && !viewer.values) notes.push('What the colours of a cloud of points mean is in report.html.');
+  if (now.isAligned && !viewer.values) notes.push('For the colours of a point cloud see report.html.');
   $('pose-note').textContent = notes.join(' ');
   if (now.isAligned) { // without the design beside it, where the scan lay says nothing
     $('show-design').checked = name !== 'final';

@@ -30,5 +30,5 @@ export async function show(job, results, sizes, signal) {
   const address = URL.createObjectURL(picture);
   $('study-picture').onload = () => URL.revokeObjectURL(address);
   $('study-picture').src = address;
-  $('study-picture').alt = `The study in a picture: ${results.summary}`;
+  $('study-picture').alt = `Plot of the study: ${results.summary}`;
 }

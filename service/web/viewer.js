@@ -4,18 +4,17 @@ import * as THREE from './vendor/three/three.module.js';
 import { OrbitControls } from './vendor/three/OrbitControls.js';
 import { GLTFLoader } from './vendor/three/GLTFLoader.js';
 import { NOT_COUNTED, isCounted, of } from './colours.js';
+import { areas, fittingDistance, inMillimetres, nearestVertex, shaded, surfaces } from './geometry.js';
 import { Picker } from './picking.js';
 import { IDENTITY, moved } from './poses.js';
+import { discTexture, ringTexture } from './textures.js';
+import { listen } from './viewer_input.js';
 
-const MM = 1000; // glTF is in metres
-const SLOW_MS = 12; // a look at what is under the pointer that takes longer waits until the pointer rests
-const REST_MS = 120;
-const TURN = Math.PI / 36;
-const MARGIN = 1.05; // of air around the part
-const BALL = 0.0075; // radius of a landmark, of the diagonal
+const MARGIN = 1.05; // of the view, around the part
+const BALL = 0.0075; // radius of a landmark, as a share of the diagonal
 const DIRECTIONS = { '+x': [1, 0, 0], '-x': [-1, 0, 0], '+y': [0, 1, 0], '-y': [0, -1, 0], '+z': [0, 0, 1], '-z': [0, 0, -1], oblique: [0.6, -0.8, 0.7] };
 const loader = new GLTFLoader();
-THREE.ColorManagement.enabled = false; // our colours are meant as they stand
+THREE.ColorManagement.enabled = false; // our colours are sRGB values already
 
 export class Viewer {
   /** onHover : called with what is under the pointer, {mark} or {what, vertex, point}, or null; onPick : with the same on a click */
@@ -44,70 +43,20 @@ export class Viewer {
     this.values = null; // deviation of each vertex of the scan
     this.pairs = [];
     this.addSpots();
-    this.listen();
+    this.cancelPicking = listen(this);
     this.size = new ResizeObserver(() => this.resize());
     this.size.observe(canvas);
   }
 
   addSpots() {
-    this.ring = new THREE.Sprite(new THREE.SpriteMaterial({ map: ringPicture(), depthTest: false, sizeAttenuation: false, transparent: true }));
+    this.ring = new THREE.Sprite(new THREE.SpriteMaterial({ map: ringTexture(), depthTest: false, sizeAttenuation: false, transparent: true }));
     this.ring.scale.setScalar(0.045);
     this.ring.visible = false;
-    const dots = new THREE.PointsMaterial({ color: 0xd0107a, size: 11, sizeAttenuation: false, depthTest: false, map: discPicture(), transparent: true });
+    const dots = new THREE.PointsMaterial({ color: 0xd0107a, size: 11, sizeAttenuation: false, depthTest: false, map: discTexture(), transparent: true });
     this.dots = new THREE.Points(new THREE.BufferGeometry(), dots);
     this.dots.visible = false;
     this.dots.frustumCulled = false;
     this.scene.add(this.ring, this.dots);
-  }
-
-  listen() {
-    let frame;
-    let rest;
-    let took = 0;
-    let pressed = null;
-    const look = (event) => {
-      const begun = performance.now();
-      this.onHover(this.under(event));
-      took = performance.now() - begun;
-    };
-    this.forget = () => {
-      cancelAnimationFrame(frame);
-      clearTimeout(rest);
-    };
-    this.canvas.addEventListener('pointermove', (event) => {
-      if (event.buttons) return; // it turns
-      this.forget();
-      if (took > SLOW_MS) rest = setTimeout(() => look(event), REST_MS);
-      else frame = requestAnimationFrame(() => look(event));
-    });
-    this.canvas.addEventListener('pointerleave', (event) => {
-      this.forget();
-      if (event.pointerType !== 'touch') this.onHover(null); // a finger that is lifted has asked
-    });
-    this.canvas.addEventListener('pointerdown', (event) => { pressed = [event.clientX, event.clientY]; });
-    this.canvas.addEventListener('pointerup', (event) => {
-      if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > 5) return;
-      const found = this.under(event);
-      this.onHover(found);
-      this.onPick(found);
-    });
-    this.canvas.addEventListener('keydown', (event) => {
-      const act = {
-        ArrowLeft: () => this.controls.rotateLeft(TURN),
-        ArrowRight: () => this.controls.rotateLeft(-TURN),
-        ArrowUp: () => this.controls.rotateUp(TURN),
-        ArrowDown: () => this.controls.rotateUp(-TURN),
-        '+': () => this.zoom(0.85),
-        '=': () => this.zoom(0.85),
-        '-': () => this.zoom(1 / 0.85),
-        0: () => this.frame('+z'),
-      }[event.key];
-      if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
-      event.preventDefault();
-      act();
-      this.controls.update();
-      this.draw();
-    });
   }
 
   // --- what is shown
@@ -139,7 +88,7 @@ export class Viewer {
     this.picker.add(object);
   }
 
-  /** Colour every vertex of the scan anew. */
+  /** Recolour every vertex of the scan by its deviation. limit, tolerance : mm */
   recolour(limit, tolerance) {
     const target = this.scan.children[0]?.geometry.getAttribute('color');
     if (!this.values || !target) return;
@@ -153,20 +102,15 @@ export class Viewer {
     this.draw();
   }
 
-  /** Deviation at the vertex of the scan that is nearest to `position`, and how far that is: {mm, away}. */
+  /** Deviation at the vertex of the scan nearest to `position`, and its distance: {mm, away}, both in mm. */
   deviationNear(position) {
     const at = this.scan.children[0]?.geometry.attributes.position.array;
     if (!at || !this.values) return null;
-    let best = Infinity;
-    let vertex = 0;
-    for (let k = 0; k < this.values.length; k += 1) {
-      const square = (at[3 * k] - position[0]) ** 2 + (at[3 * k + 1] - position[1]) ** 2 + (at[3 * k + 2] - position[2]) ** 2;
-      if (square < best) { best = square; vertex = k; }
-    }
-    return { mm: this.values[vertex], away: Math.sqrt(best) };
+    const { vertex, distance } = nearestVertex(at, position);
+    return { mm: this.values[vertex], away: distance };
   }
 
-  /** matrix : rows of the 4 x 4 motion of the scan from where its file has it */
+  /** matrix : rows of T_design_scan (4 x 4), which moves the scan from the frame of its file */
   pose(matrix) {
     this.matrix = matrix;
     for (const group of [this.scan, this.scanMarks]) {
@@ -178,14 +122,14 @@ export class Viewer {
     this.draw();
   }
 
-  /** points : {position, colour, ...}, handed back on hover as `mark`; of the scan: in the frame that its file has */
+  /** points : {position, colour, ...}, passed to onHover as `mark`; those of the scan are in the frame of its file */
   landmarks(points, isOfScan = false) {
     const radius = this.diagonal() * BALL;
     const shape = isOfScan ? new THREE.OctahedronGeometry(radius * 1.2) : new THREE.SphereGeometry(radius, 16, 12);
     const edge = new THREE.MeshBasicMaterial({ color: 0x101418, side: THREE.BackSide });
     for (const mark of points) {
       const ball = new THREE.Mesh(shape, new THREE.MeshLambertMaterial({ color: mark.colour }));
-      const rim = new THREE.Mesh(shape, edge); // tells it from the segment behind, which has its colour
+      const rim = new THREE.Mesh(shape, edge); // separates it from the segment behind, which has the same colour
       rim.scale.setScalar(1.22);
       ball.add(rim);
       ball.position.set(...mark.position);
@@ -195,11 +139,11 @@ export class Viewer {
     this.scene.updateMatrixWorld();
   }
 
-  /** pairs : [on the design, on the scan as its file has it] */
+  /** pairs : [point on the design, point on the scan in the frame of its file] */
   matches(pairs) {
     this.pairs = pairs;
     const line = new THREE.LineBasicMaterial({ color: 0xd0107a, depthTest: false });
-    const dot = new THREE.PointsMaterial({ color: 0xd0107a, size: 6, sizeAttenuation: false, depthTest: false, map: discPicture(), transparent: true });
+    const dot = new THREE.PointsMaterial({ color: 0xd0107a, size: 6, sizeAttenuation: false, depthTest: false, map: discTexture(), transparent: true });
     this.lines.add(new THREE.LineSegments(new THREE.BufferGeometry(), line), new THREE.Points(new THREE.BufferGeometry(), dot)); // in a good pose a line is shorter than a pixel
     this.drawLines();
   }
@@ -219,7 +163,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Dots through everything, at points of the design's frame. */
+  /** Dots in front of everything, at points in the frame of the design. */
   preview(points) {
     this.dots.geometry.dispose();
     this.dots.geometry = new THREE.BufferGeometry().setFromPoints(points.map((each) => new THREE.Vector3(...each)));
@@ -227,7 +171,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** A ring around a point, null: none. isTurned : turn until it is seen */
+  /** A ring around a point; null removes it. isTurned : turn the view until the point is visible */
   point(position, isTurned = false) {
     this.ring.visible = Boolean(position);
     if (position) {
@@ -240,7 +184,7 @@ export class Viewer {
   turnTo(position) {
     const eye = this.camera.position.clone().sub(this.controls.target);
     const normal = this.normalNear(position);
-    if (normal && normal.dot(eye) < 0.5 * eye.length()) { // else it is in sight as we look
+    if (normal && normal.dot(eye) < 0.5 * eye.length()) { // otherwise it is visible already
       this.camera.position.copy(this.controls.target).addScaledVector(normal.normalize(), eye.length());
     }
     this.controls.update();
@@ -249,17 +193,11 @@ export class Viewer {
   normalNear(position) {
     const shown = [...this.design.children, ...this.scan.children].find((each) => each.geometry.attributes.normal);
     if (!shown) return null;
-    const at = shown.geometry.attributes.position;
-    let best = Infinity;
-    let vertex = 0;
-    for (let k = 0; k < at.count; k += 1) {
-      const square = (at.array[3 * k] - position.x) ** 2 + (at.array[3 * k + 1] - position.y) ** 2 + (at.array[3 * k + 2] - position.z) ** 2;
-      if (square < best) { best = square; vertex = k; }
-    }
+    const { vertex } = nearestVertex(shown.geometry.attributes.position.array, position.toArray());
     return new THREE.Vector3().fromBufferAttribute(shown.geometry.attributes.normal, vertex);
   }
 
-  // --- where we look from
+  // --- the view
 
   box() {
     return new THREE.Box3().expandByObject(this.design).expandByObject(this.scan);
@@ -274,19 +212,13 @@ export class Viewer {
     this.fit(new THREE.Vector3(...DIRECTIONS[side]));
   }
 
-  /** All in sight. direction : from where, or as now */
+  /** Show the whole part. direction : from which side; by default the present one */
   fit(direction = this.camera.position.clone().sub(this.controls.target)) {
     const box = this.box();
     const centre = box.getCenter(new THREE.Vector3());
     const half = box.getSize(new THREE.Vector3()).divideScalar(2);
     const radius = half.length();
-    const view = new THREE.Matrix4().lookAt(direction.normalize(), new THREE.Vector3(), this.camera.up).transpose();
-    const slope = Math.tan((this.camera.fov * Math.PI) / 360);
-    let distance = 0;
-    for (let corner = 0; corner < 8; corner += 1) {
-      const at = new THREE.Vector3(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1).multiply(half).applyMatrix4(view);
-      distance = Math.max(distance, at.z + Math.abs(at.y) / slope, at.z + Math.abs(at.x) / (slope * this.camera.aspect));
-    }
+    const distance = fittingDistance(this.camera, half, direction.normalize());
     this.camera.position.copy(centre).addScaledVector(direction, MARGIN * distance);
     this.camera.near = radius / 50;
     this.camera.far = radius * 30;
@@ -343,7 +275,7 @@ export class Viewer {
     this.draw();
   }
 
-  /** Once, in the next frame, however often it is asked for. */
+  /** Draw in the next frame, once for all calls until then. */
   draw() {
     this.due ??= requestAnimationFrame(() => {
       this.due = undefined;
@@ -354,7 +286,7 @@ export class Viewer {
   }
 
   close() {
-    this.forget();
+    this.cancelPicking();
     cancelAnimationFrame(this.due);
     this.size.disconnect();
     this.controls.dispose();
@@ -364,60 +296,3 @@ export class Viewer {
     this.renderer.forceContextLoss();
   }
 }
-
-function surfaces(gltf) {
-  const found = [];
-  gltf.scene.updateMatrixWorld(true);
-  gltf.scene.traverse((node) => { if ((node.isMesh || node.isPoints) && !/landmarks/.test(node.name)) found.push(node); });
-  return found;
-}
-
-const inMillimetres = (node) => node.geometry.clone().applyMatrix4(node.matrixWorld).scale(MM, MM, MM);
-
-function shaded(geometry, isCloud) {
-  if (isCloud) return new THREE.Points(geometry, new THREE.PointsMaterial({ vertexColors: true, size: 2, sizeAttenuation: false }));
-  geometry.computeVertexNormals();
-  return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }));
-}
-
-/** (n) what each vertex counts for: a third of the triangles around it, 1 of points */
-function areas(geometry) {
-  const at = geometry.attributes.position;
-  const index = geometry.index?.array;
-  if (!index) return new Float32Array(at.count).fill(1);
-  const found = new Float32Array(at.count);
-  const [a, b, c] = [new THREE.Vector3(), new THREE.Vector3(), new THREE.Vector3()];
-  for (let k = 0; k < index.length; k += 3) {
-    a.fromBufferAttribute(at, index[k]);
-    b.fromBufferAttribute(at, index[k + 1]).sub(a);
-    c.fromBufferAttribute(at, index[k + 2]).sub(a);
-    const third = b.cross(c).length() / 6;
-    for (let corner = 0; corner < 3; corner += 1) found[index[k + corner]] += third;
-  }
-  return found;
-}
-
-function picture(paint) {
-  const canvas = document.createElement('canvas');
-  canvas.width = 64;
-  canvas.height = 64;
-  paint(canvas.getContext('2d'));
-  return new THREE.CanvasTexture(canvas);
-}
-
-const ringPicture = () => picture((pen) => {
-  for (const [width, colour] of [[12, '#fff'], [6, '#d0107a']]) {
-    pen.lineWidth = width;
-    pen.strokeStyle = colour;
-    pen.beginPath();
-    pen.arc(32, 32, 22, 0, 2 * Math.PI);
-    pen.stroke();
-  }
-});
-
-const discPicture = () => picture((pen) => {
-  pen.fillStyle = '#fff';
-  pen.beginPath();
-  pen.arc(32, 32, 28, 0, 2 * Math.PI);
-  pen.fill();
-});

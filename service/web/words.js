@@ -1,24 +1,24 @@
-/** How numbers, verdicts and segments are said and coloured, everywhere alike. */
+/** Texts and colours of numbers, verdicts and segments, the same on the whole page. */
 
 export const MEANING = {
-  ok: 'The pose is found and no other explains the scan as well.',
-  ambiguous: 'More than one pose explains the scan as well. Do not use the pose unchecked.',
-  under_constrained: 'The part can slide or turn along itself: the pose is one of a continuum.',
-  units_suspect: 'The scan fits only when its numbers are taken in another unit. Send it again with the right unit.',
-  mirrored: 'The scan is the mirror image of the design. There is no pose to stand by.',
-  no_match: 'The scan does not fit the design anywhere.',
+  ok: 'A pose was found, and no other pose fits equally well.',
+  ambiguous: 'Several poses fit equally well. Check the pose before you use it.',
+  under_constrained: 'The part can slide or rotate along its own surface: the pose is not unique.',
+  units_suspect: 'The scan fits only in another length unit. Send it again with the right unit.',
+  mirrored: 'The scan is the mirror image of the design. No valid alignment was found.',
+  no_match: 'The scan does not fit the design in any pose.',
 };
 export const MOOD = { ok: 'good', ambiguous: 'warn', under_constrained: 'warn', units_suspect: 'warn' };
 export const FINAL = ['successful', 'failed', 'dismissed'];
 
-// As in pipeline/palette.py: the "muted" scheme of Paul Tol.
+// As in pipeline/report/palette.py: the "muted" scheme of Paul Tol.
 const PALETTE = ['#332288', '#ddcc77', '#cc6677', '#44aa99', '#882255', '#88ccee', '#117733', '#aa4499', '#999933'];
 export const ofSegment = (segment) => PALETTE[segment % PALETTE.length];
 
 export const mm = (value) => (value === null || value === undefined ? '-' : `${value.toFixed(3)} mm`);
 export const signed = (value) => `${value >= 0 ? '+' : '−'}${Math.abs(value).toFixed(3)} mm`;
 export const percent = (share) => (share === null || share === undefined ? '-' : `${(100 * share).toFixed(1)} %`);
-/** 4 digits without a tail of zeros; large ones and tiny ones as 1.23·10⁶ */
+/** 4 digits without trailing zeros; large and small numbers as 1.23·10⁶ */
 export function short(value) {
   const size = Math.abs(value);
   if (size < 1e4 && (size >= 1e-3 || size === 0)) return String(Number(value.toPrecision(4)));
@@ -31,7 +31,7 @@ export const some = (count, word) => `${count} ${word}${count === 1 ? '' : 's'}`
 export const time = (text) => new Date(text).toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' });
 export const size = (bytes) => (bytes < 1e6 ? `${Math.ceil(bytes / 1024)} KiB` : `${(bytes / 1048576).toFixed(1)} MiB`);
 
-/** `design.stl ← scan.stl`, or the one mesh; without a name the beginning of its hash. */
+/** `design.stl ← scan.stl`, or the one mesh; a mesh without a name by the beginning of its hash. */
 export function meshes(inputs) {
   const name = (given) => given.filename ?? given.blob.slice(7, 15);
   return inputs.mesh ? name(inputs.mesh) : [inputs.design, inputs.scan].filter(Boolean).map(name).join(' ← ');

@@ -1,6 +1,6 @@
-"""Where webhooks may go. A client names the address, our machine sends: without a guard that reaches what only we can reach.
+"""Addresses that webhooks may reach. Clients choose them, so internal services must be protected (SSRF).
 
-`check_url` judges what a client sends, `check` the very address that `post.py` then connects to.
+`check_url` checks the URL that a client sends, `check` the IP address that `http_client` then connects to.
 """
 
 import socket
@@ -9,10 +9,8 @@ from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_add
 from urllib.parse import urlsplit
 
 Network = IPv4Network | IPv6Network
-_NAT64 = IPv6Network(
-    "64:ff9b::/96"
-)  # how IPv4 is reached where there is only IPv6: judged by the address within
-_GLOBAL_UNICAST = IPv6Network("2000::/3")  # all else of IPv6 is local, reserved, or another way to write IPv4
+_NAT64 = IPv6Network("64:ff9b::/96")  # IPv4 through IPv6: checked by the embedded address
+_GLOBAL_UNICAST = IPv6Network("2000::/3")  # other IPv6 addresses are local, reserved or embed IPv4
 
 
 class ForbiddenAddress(Exception):
@@ -21,7 +19,7 @@ class ForbiddenAddress(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """allowed : networks that webhooks may reach though they are not public"""
+    """allowed : networks that webhooks may reach although they are not public"""
 
     allowed: tuple[Network, ...] = ()
 
@@ -31,12 +29,12 @@ class Guard:
         return cls(tuple(ip_network(word.strip()) for word in networks.split(",") if word.strip()))
 
     def check_url(self, url: str) -> None:
-        """Refuse what can be refused without asking the network. Raises ForbiddenAddress."""
+        """Check a URL without a name look-up. Raises ForbiddenAddress."""
         try:
             parts = urlsplit(url)
             host, _ = parts.hostname, parts.port
         except ValueError as error:
-            raise ForbiddenAddress(f"is no address ({error})") from error
+            raise ForbiddenAddress(f"is not a URL ({error})") from error
         if parts.scheme not in ("http", "https") or not host:
             raise ForbiddenAddress("must be http://host/path or https://host/path")
         if parts.username is not None or parts.password is not None:
@@ -46,24 +44,24 @@ class Guard:
         name = host.removesuffix(".")
         if name == "localhost" or name.endswith(".localhost"):
             self.check("localhost", ip_address("127.0.0.1"))
-        if (address := _written(name)) is not None:
+        if (address := _literal(name)) is not None:
             self.check(host, address)
-        # else a name: judged when it is looked up
+        # a name is checked when it is resolved
 
     def check(self, host: str, address: IPv4Address | IPv6Address) -> None:
         """Raise ForbiddenAddress unless the address is public or allowed."""
-        for each in (address, *_within(address)):
+        for each in (address, *_embedded(address)):
             if any(each.version == network.version and each in network for network in self.allowed):
                 continue
             if not _is_public(each):
                 raise ForbiddenAddress(
-                    f"{host} is not a public address ({each}); whoever runs the service can allow its network by "
-                    "CUSP_WEBHOOK_NETWORKS"
+                    f"{host} is not a public address ({each}); the operator can allow its network "
+                    "by CUSP_WEBHOOK_NETWORKS"
                 )
 
 
-def _written(host: str) -> IPv4Address | IPv6Address | None:
-    """The address that a host is, also in the old ways of writing IPv4 (127.1, 2130706433, 0x7f.1); None for a name."""
+def _literal(host: str) -> IPv4Address | IPv6Address | None:
+    """The address that a host is, also in legacy forms (127.1, 2130706433, 0x7f.1); None for a name."""
     try:
         return ip_address(host)
     except ValueError:
@@ -80,11 +78,11 @@ def _is_public(address: IPv4Address | IPv6Address) -> bool:
     return address.is_global and not address.is_multicast
 
 
-def _within(address: IPv4Address | IPv6Address) -> list[IPv4Address]:
-    """IPv4 addresses that an IPv6 address leads to."""
+def _embedded(address: IPv4Address | IPv6Address) -> list[IPv4Address]:
+    """IPv4 addresses embedded in an IPv6 address."""
     if isinstance(address, IPv4Address):
         return []
-    found = [address.ipv4_mapped, address.sixtofour, address.teredo[1] if address.teredo else None]
+    embedded = [address.ipv4_mapped, address.sixtofour, address.teredo[1] if address.teredo else None]
     if address in _NAT64:
-        found.append(IPv4Address(int(address) & 0xFFFFFFFF))
-    return [each for each in found if each is not None]
+        embedded.append(IPv4Address(int(address) & 0xFFFFFFFF))
+    return [each for each in embedded if each is not None]

@@ -1,7 +1,7 @@
-"""One POST to an address that a client named: guarded, with a deadline, and without an interest in the answer's body.
+"""One POST to the address of a webhook: guarded, with a deadline; the body of the answer is ignored.
 
-The name is looked up once and the connection goes to the very address that was judged, so a name that changes its answer
-between the two (DNS rebinding) gains nothing. Redirects are not followed.
+The name is resolved once and the connection goes to the address that was checked, so DNS rebinding has no
+effect. Redirects are not followed.
 """
 
 import socket
@@ -21,39 +21,37 @@ from service.webhooks.address_guard import ForbiddenAddress, Guard
 from service.webhooks.outbox import Answer
 
 TIMEOUT_S = 10.0  # to connect to an address, and for each read
-TOTAL_S = (
-    40.0  # for all together: well below `webhooks.LEASE_MS`, after which another sender would send it as well
-)
+TOTAL_S = 40.0  # for the whole request; below `outbox.LEASE_MS`, after which another sender repeats it
 MAX_RETRY_AFTER_S = 24 * 3600
 
 
 @dataclass(frozen=True, slots=True)
 class Deadline:
-    """A moment after which a receiver that still says something, byte by byte, is left."""
+    """The end of a request, also if the receiver still sends single bytes."""
 
     at: float  # of time.monotonic
 
-    def left(self, at_most: float | None) -> float:
-        """Seconds. Raises httpcore.ReadTimeout when none is left."""
-        left = self.at - time.monotonic()
-        if left <= 0:
+    def remaining(self, at_most: float | None) -> float:
+        """Remaining seconds. Raises httpcore.ReadTimeout if there are none."""
+        seconds = self.at - time.monotonic()
+        if seconds <= 0:
             raise httpcore.ReadTimeout(f"no answer within {TOTAL_S:g} s")
-        return left if at_most is None else min(left, at_most)
+        return seconds if at_most is None else min(seconds, at_most)
 
 
-class HastyStream(httpcore.NetworkStream):
-    """A connection that ends at a deadline, whatever comes."""
+class DeadlineStream(httpcore.NetworkStream):
+    """A connection that ends at a deadline."""
 
     def __init__(self, stream: httpcore.NetworkStream, deadline: Deadline) -> None:
         self._stream, self._deadline = stream, deadline
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
         """See httpcore."""
-        return self._stream.read(max_bytes, self._deadline.left(timeout))
+        return self._stream.read(max_bytes, self._deadline.remaining(timeout))
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:
         """See httpcore."""
-        self._stream.write(buffer, self._deadline.left(timeout))
+        self._stream.write(buffer, self._deadline.remaining(timeout))
 
     def close(self) -> None:
         """See httpcore."""
@@ -63,8 +61,8 @@ class HastyStream(httpcore.NetworkStream):
         self, ssl_context: ssl.SSLContext, server_hostname: str | None = None, timeout: float | None = None
     ) -> httpcore.NetworkStream:
         """See httpcore."""
-        secure = self._stream.start_tls(ssl_context, server_hostname, self._deadline.left(timeout))
-        return HastyStream(secure, self._deadline)
+        secure = self._stream.start_tls(ssl_context, server_hostname, self._deadline.remaining(timeout))
+        return DeadlineStream(secure, self._deadline)
 
     def get_extra_info(self, info: str) -> Any:
         """See httpcore."""
@@ -72,8 +70,9 @@ class HastyStream(httpcore.NetworkStream):
 
 
 class GuardedBackend(httpcore.NetworkBackend):
-    """httpcore's way to a socket, with the guard between name and connection. Each connection is used once, so its deadline
-    is the request's.
+    """Network backend of httpcore that checks each resolved address.
+
+    Each connection is used once, so its deadline is that of the request.
     """
 
     def __init__(self, guard: Guard) -> None:
@@ -88,21 +87,21 @@ class GuardedBackend(httpcore.NetworkBackend):
         local_address: str | None = None,
         socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
     ) -> httpcore.NetworkStream:
-        """Look the name up, judge every answer, connect to the first that takes us."""
+        """Resolve the name, check every address, connect to the first that accepts."""
         deadline = Deadline(time.monotonic() + TOTAL_S)
         try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError) as error:
             raise httpcore.ConnectError(f"{host} has no address ({error})") from error
-        addresses = [str(each[4][0]) for each in found]
+        addresses = [str(each[4][0]) for each in resolved]
         for address in addresses:
             self._guard.check(host, ip_address(address.partition("%")[0]))
         refused: Exception = httpcore.ConnectError(f"{host} has no address")
         for address in dict.fromkeys(addresses):
             try:
-                seconds = deadline.left(timeout)
+                seconds = deadline.remaining(timeout)
                 stream = self._sockets.connect_tcp(address, port, seconds, local_address, socket_options)
-                return HastyStream(stream, deadline)
+                return DeadlineStream(stream, deadline)
             except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
                 refused = error
         raise refused
@@ -113,7 +112,7 @@ class GuardedBackend(httpcore.NetworkBackend):
 
 
 class Poster:
-    """Safe to share between threads. No proxy of the environment is used: it would look names up itself."""
+    """Safe to share between threads. Ignores proxies of the environment: they would resolve names."""
 
     def __init__(self, guard: Guard) -> None:
         context = ssl.create_default_context()  # the system's authorities, and SSL_CERT_FILE
@@ -131,8 +130,8 @@ class Poster:
         self._pool.close()
 
     def post(self, url: str, headers: Mapping[str, str], body: bytes) -> Answer:
-        """Never raises for what a receiver does."""
-        begun = time.monotonic()
+        """Send one message. Errors of the receiver are in the answer, not raised."""
+        started = time.monotonic()
         sent: dict[bytes | str, bytes | str] = {
             "Host": urlsplit(url).netloc,
             "Content-Type": "application/json",
@@ -142,16 +141,16 @@ class Poster:
         sent |= dict(headers.items())
         timeout = dict.fromkeys(("connect", "read", "write", "pool"), TIMEOUT_S)
         try:
-            self._guard.check_url(url)  # allowed networks may have changed since it was taken
+            self._guard.check_url(url)  # the allowed networks may have changed since the job was accepted
             with self._pool.stream(
                 "POST", url, headers=sent, content=body, extensions={"timeout": timeout}
             ) as answer:
-                told = {key.lower(): value for key, value in answer.headers}
-                waits = told.get(b"retry-after", b"")
-                retry_after_s = min(int(waits), MAX_RETRY_AFTER_S) if waits.isdigit() else 0
-                return Answer(answer.status, None, time.monotonic() - begun, retry_after_s)
+                answered = {key.lower(): value for key, value in answer.headers}
+                delay = answered.get(b"retry-after", b"")
+                retry_after_s = min(int(delay), MAX_RETRY_AFTER_S) if delay.isdigit() else 0
+                return Answer(answer.status, None, time.monotonic() - started, retry_after_s)
         except ForbiddenAddress as error:
-            return Answer(None, str(error), time.monotonic() - begun, is_forbidden=True)
+            return Answer(None, str(error), time.monotonic() - started, is_forbidden=True)
         except (
             httpcore.NetworkError,
             httpcore.TimeoutException,
@@ -159,4 +158,4 @@ class Poster:
             ValueError,
         ) as error:
             reason = str(error) or type(error).__name__
-            return Answer(None, reason[:300], time.monotonic() - begun)
+            return Answer(None, reason[:300], time.monotonic() - started)

@@ -1,7 +1,8 @@
-"""Webhooks by Standard Webhooks (standardwebhooks.com): a job that is final is told to the address that came with it.
+"""Stored webhook messages and secrets, by Standard Webhooks (standardwebhooks.com).
 
-A message is stored in the same transaction as the job's end, so none is lost, and sent until it was taken or given up. A
-receiver may get a message twice (a sender died after sending): `webhook-id` is the same then.
+`service.jobs.deliveries` stores a message when a job ends. It is sent until the receiver accepts it, or the
+last attempt failed. A receiver may get a message twice, if a sender died after it sent it: both have the same
+`webhook-id`.
 """
 
 import secrets
@@ -19,16 +20,16 @@ from service.jobs.deliveries import DeliveryRow
 from service.jobs.models import Base, now_ms
 from service.jobs.views import time_of
 
-#: Seconds from a failed attempt to the next: as Standard Webhooks advises, some two days in all.
+#: Seconds from a failed attempt to the next, as Standard Webhooks recommends: about two days in all.
 BACK_OFF_S = (5, 30, 120, 600, 1800, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3600)
-LEASE_MS = 60_000  # a sender that took a message and died: another may send it after this
-GONE = 410  # the receiver wants no more of it
-ROTATION_MS = 24 * 3_600_000  # so long messages are signed with the old secret too
+LEASE_MS = 60_000  # another sender may take a message after this, since its sender may have died
+GONE = 410  # HTTP status: the receiver wants no more messages
+ROTATION_MS = 24 * 3_600_000  # messages are also signed with the old secret for this time
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """How an attempt ended. status : None when no answer came; error : why"""
+    """Result of an attempt. status : None if there was no answer; error : the reason"""
 
     status: int | None
     error: str | None
@@ -37,13 +38,13 @@ class Answer:
     is_forbidden: bool = False
 
     @property
-    def is_taken(self) -> bool:
-        """True when the receiver said 2xx."""
+    def is_accepted(self) -> bool:
+        """True if the receiver answered 2xx."""
         return self.status is not None and 200 <= self.status < 300
 
 
 class SecretRow(Base):
-    """What a tenant's messages are signed with."""
+    """The secret that signs the messages of a tenant."""
 
     __tablename__ = "webhook_secrets"
 
@@ -54,20 +55,20 @@ class SecretRow(Base):
 
 
 def delivery_list(rows: Sequence[DeliveryRow]) -> DeliveryList:
-    """What clients see of a job's messages."""
-    told = []
+    """The messages of a job as the API shows them."""
+    deliveries = []
     for row in rows:
         attempts = [
             DeliveryAttempt(
-                at=time_of(tried["at_ms"]),
-                status=tried["status"],
-                error=tried["error"],
-                seconds=tried["seconds"],
+                at=time_of(attempt["at_ms"]),
+                status=attempt["status"],
+                error=attempt["error"],
+                seconds=attempt["seconds"],
             )
-            for tried in row.attempts
+            for attempt in row.attempts
         ]
         is_waiting = row.state == DeliveryState.WAITING
-        told.append(
+        deliveries.append(
             Delivery(
                 id=row.id,
                 event=row.event,
@@ -77,7 +78,7 @@ def delivery_list(rows: Sequence[DeliveryRow]) -> DeliveryList:
                 attempts=attempts,
             )
         )
-    return DeliveryList(deliveries=told)
+    return DeliveryList(deliveries=deliveries)
 
 
 class Deliveries:
@@ -94,7 +95,7 @@ class Deliveries:
             return session.scalars(query).all()
 
     def take(self, limit: int) -> list[DeliveryRow]:
-        """Up to `limit` messages that are due; for `LEASE_MS` nobody else gets them."""
+        """Up to `limit` messages that are due; no other sender gets them for `LEASE_MS`."""
         now = self._clock_ms()
         due = select(DeliveryRow.id).where(
             DeliveryRow.state == DeliveryState.WAITING, DeliveryRow.next_ms <= now
@@ -112,17 +113,17 @@ class Deliveries:
         return taken
 
     def note(self, row: DeliveryRow, answer: Answer) -> DeliveryState:
-        """Write down how an attempt ended, and when the next one is."""
+        """Store the result of an attempt, and the time of the next one."""
         now = self._clock_ms()
-        tried = {
+        attempt = {
             "at_ms": now,
             "status": answer.status,
             "error": answer.error,
             "seconds": round(answer.seconds, 3),
         }
-        attempts = [*row.attempts, tried]
+        attempts = [*row.attempts, attempt]
         state, next_ms = DeliveryState.WAITING, now
-        if answer.is_taken:
+        if answer.is_accepted:
             state = DeliveryState.DELIVERED
         elif answer.status == GONE or answer.is_forbidden or len(attempts) > len(BACK_OFF_S):
             state = DeliveryState.GIVEN_UP
@@ -138,8 +139,11 @@ class Deliveries:
         return state
 
     def secrets(self, tenant: str) -> list[str]:
-        """What the tenant's messages are signed with now, the newest first; made at the first call."""
-        with suppress(IntegrityError), self._session.begin() as session:  # two at once: the first one's stays
+        """The valid secrets of a tenant, newest first; the first call creates one."""
+        with (
+            suppress(IntegrityError),
+            self._session.begin() as session,
+        ):  # two calls at once: the first one wins
             if session.get(SecretRow, tenant) is None:
                 session.add(
                     SecretRow(tenant=tenant, secret=_new_secret(), previous=None, created_ms=self._clock_ms())
@@ -150,7 +154,7 @@ class Deliveries:
             return [row.secret, *([row.previous] if row.previous and is_recent else [])]
 
     def rotate(self, tenant: str) -> str:
-        """A new secret; for a day messages are signed with the old one too."""
+        """Create a new secret. For a day messages are signed with the old one too."""
         old = self.secrets(tenant)[0]
         with self._session.begin() as session:
             row = session.get_one(SecretRow, tenant)

@@ -1,4 +1,4 @@
-"""The worker's side of webhooks: sends what is due, and writes down how that went."""
+"""The worker's side of webhooks: sends messages that are due and stores the results."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from service.jobs.models import now_ms
 from service.webhooks.http_client import Poster
 from service.webhooks.outbox import Deliveries
 
-LOOK_INTERVAL_S = 0.5
+POLL_INTERVAL_S = 0.5
 SENDERS = 8
 log = structlog.get_logger()
 
@@ -32,21 +32,21 @@ def signed_headers(message_id: str, body: str, keys: Sequence[str], at_ms: int) 
 
 @dataclass(slots=True)
 class Sender:
-    """Sends what is due, some at a time, until `stop`; in any number of workers."""
+    """Sends due messages, several at a time. Any number of workers may run one."""
 
     deliveries: Deliveries
     poster: Poster
     clock_ms: Callable[[], int] = now_ms
 
     def run(self, stop: threading.Event) -> None:
-        """Until `stop`. Messages that are being sent then are sent again, later or by another."""
+        """Send until `stop` is set. Messages that are being sent then are sent again later."""
         with ThreadPoolExecutor(SENDERS, thread_name_prefix="webhook") as pool:
             busy = threading.Semaphore(SENDERS)
-            while not stop.wait(LOOK_INTERVAL_S):
+            while not stop.wait(POLL_INTERVAL_S):
                 try:
                     self._round(pool, busy)
                 except Exception:
-                    log.exception("webhooks wait")  # the database is away, most likely
+                    log.exception("webhooks not sent")  # most likely the database is unavailable
             pool.shutdown(wait=False, cancel_futures=True)
 
     def _round(self, pool: ThreadPoolExecutor, busy: threading.Semaphore) -> None:
@@ -63,7 +63,7 @@ class Sender:
         try:
             self.send(row)
         except Exception:
-            log.exception("webhook not noted", job_id=row.job_id, message=row.id)
+            log.exception("result of a webhook not stored", job_id=row.job_id, message=row.id)
         finally:
             busy.release()
 
@@ -72,7 +72,7 @@ class Sender:
         headers = signed_headers(row.id, row.body, self.deliveries.secrets(row.tenant), self.clock_ms())
         answer = self.poster.post(row.url, headers, row.body.encode())
         state = self.deliveries.note(row, answer)
-        said = log.info if answer.is_taken else log.warning
+        write = log.info if answer.is_accepted else log.warning
         facts = {"status": answer.status, "error": answer.error, "state": state.value}
-        said("webhook", job_id=row.job_id, message=row.id, attempt=len(row.attempts) + 1, **facts)
+        write("webhook", job_id=row.job_id, message=row.id, attempt=len(row.attempts) + 1, **facts)
         return state

@@ -13,6 +13,7 @@ from service.api.app import create_app
 from service.api.examples import BLOB_ID, INSTANCE, JOB_ID, examples
 from service.api.openapi_files import as_text
 from service.settings import ServiceSettings
+from service.version import VERSION
 
 FOUND = Path(__file__).parents[2] / "service" / "api" / "field_examples.json"
 RESULTS = Path(__file__).parents[2] / "openapi" / "examples"
@@ -33,7 +34,7 @@ OTHERS: dict[str, list[Any]] = {
             "formats": ["stl", "ply", "obj", "off", "3mf", "glb", "xyz"],
         }
     ],
-    "Version": [{"name": "cusp", "version": "0.1.0", "schema_version": "1"}],
+    "Version": [{"name": "cusp", "version": VERSION, "schema_version": "1"}],
     "Health": [{"status": "ok"}],
     "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
     "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],

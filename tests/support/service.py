@@ -20,7 +20,7 @@ from sqlalchemy import text
 
 from service.execution.sandbox import Outcome
 from service.execution.worker import Worker
-from service.jobs.dispatcher import TicketDesk
+from service.jobs.dispatcher import Dispatcher
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
 from service.storage.blobs import BlobStore
@@ -47,7 +47,7 @@ class NotingQueue:
     def drop(self, job_ids: Sequence[str]) -> None:
         self.waiting = [each for each in self.waiting if each not in job_ids]
 
-    def tickets(self) -> dict[str, str | None]:
+    def entries(self) -> dict[str, str | None]:
         return dict.fromkeys(self.waiting)
 
 
@@ -86,8 +86,8 @@ class Service:
 
     @property
     def waiting(self) -> list[str]:
-        """Jobs with a ticket, once the desk has seen to it."""
-        TicketDesk(self.jobs, self.queue).serve()
+        """Jobs with a queue entry, once the dispatcher has run."""
+        Dispatcher(self.jobs, self.queue).dispatch()
         return self.queue.waiting
 
     def submit(self, options: str = "{}", **files: Any) -> httpx.Response:

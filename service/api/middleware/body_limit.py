@@ -1,4 +1,4 @@
-"""The largest body a request may have, enforced before and while it is read."""
+"""The limit of the size of a request body, enforced before and while it is read."""
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -7,7 +7,7 @@ from service.contract.errors import PayloadTooLarge, problem_of
 
 
 class BodyLimit:
-    """ASGI middleware: by Content-Length before a byte is read, by counting where there is none."""
+    """ASGI middleware: checks Content-Length before the body is read, and counts the bytes that are read."""
 
     def __init__(self, app: ASGIApp, max_bytes: int) -> None:
         self._app = app
@@ -41,5 +41,6 @@ class BodyLimit:
     def _refusal(self) -> PayloadTooLarge:
         mib = self._max_bytes // 2**20
         return PayloadTooLarge(
-            f"the request has more than the {mib} MiB it may have; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
+            f"the request is larger than the limit of {mib} MiB; "
+            "decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
         )

@@ -1,4 +1,4 @@
-"""Bodies sent with `Content-Encoding: gzip`, unpacked as they come and never beyond the largest body: a bomb is cut off."""
+"""Bodies with `Content-Encoding: gzip`, decompressed as they arrive, up to the limit of a request body."""
 
 import hashlib
 import zlib
@@ -9,20 +9,22 @@ from service.api import digests
 from service.api.problems import problem_response
 from service.contract.errors import BadRequest, PayloadTooLarge, UnsupportedMediaType, problem_of
 
-CHUNK_BYTES = 256 * 1024  # unpacked at a time: what one small piece of a bomb may take in memory
+CHUNK_BYTES = 256 * 1024  # decompressed at a time: limits the memory that a gzip bomb can use
 _GZIP = 16 + zlib.MAX_WBITS
 _DROPPED = (b"content-encoding", b"content-length", b"content-digest")
 
 
 class Gunzip:
-    """ASGI middleware: the application sees the plain body; `Content-Digest`, which is of the packed bytes, is checked here."""
+    """ASGI middleware: the application gets the plain body. `Content-Digest` of the compressed bytes is
+    checked here.
+    """
 
     def __init__(self, app: ASGIApp, max_bytes: int) -> None:
         self._app = app
         self._max_bytes = max_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Unpack, pass on, or refuse."""
+        """Decompress, pass on, or refuse."""
         headers = dict(scope["headers"]) if scope["type"] == "http" else {}
         encoding = headers.get(b"content-encoding", b"identity").decode("latin-1").strip().lower()
         if encoding in ("identity", ""):
@@ -39,7 +41,7 @@ class Gunzip:
 
 
 class _Unpacked:
-    """One body. Memory stays at one received piece and one unpacked chunk."""
+    """One body. Holds one received piece and one decompressed chunk in memory."""
 
     def __init__(self, receive: Receive, max_bytes: int, digest: str | None) -> None:
         self._receive, self._max_bytes, self._digest = receive, max_bytes, digest
@@ -65,19 +67,19 @@ class _Unpacked:
         self._size += len(plain)
         if self._size > self._max_bytes:
             raise PayloadTooLarge(
-                f"the request unpacks to more than the {self._max_bytes // 2**20} MiB it may have; decimate the meshes, "
-                "or raise CUSP_MAX_UPLOAD_MIB"
+                f"the decompressed request is larger than the limit of {self._max_bytes // 2**20} MiB; "
+                "decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
             )
         self._is_done = self._is_last and not self._packed and not self._unpacker.unconsumed_tail
         if self._is_done:
             if not self._unpacker.eof:
-                raise BadRequest("the gzip body is cut short; send it again")
+                raise BadRequest("the gzip body is truncated; send it again")
             digests.check(self._digest, self._hash.hexdigest())
         return {"type": "http.request", "body": plain, "more_body": not self._is_done}
 
     def _unpack(self) -> bytes:
         if self._unpacker.eof and self._packed:
-            self._unpacker = zlib.decompressobj(_GZIP)  # gzip files may be put one after the other
+            self._unpacker = zlib.decompressobj(_GZIP)  # gzip members may be concatenated
         try:
             plain = self._unpacker.decompress(self._packed, CHUNK_BYTES)
         except zlib.error as error:

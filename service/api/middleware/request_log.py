@@ -1,5 +1,6 @@
-"""Each request has an id: the client's `X-Request-Id`, or one of ours. It is in every line of the log about the request, in
-the answer, and so in what a client quotes when something went wrong.
+"""Each request has an id: the client's `X-Request-Id`, or a new one.
+
+It is in the answer and in every log line about the request, so a client can quote it.
 """
 
 import re
@@ -10,23 +11,25 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.jobs.models import new_id
 
-GIVEN = re.compile(rb"[\x21-\x7e]{1,100}")
+REQUEST_ID = re.compile(rb"[\x21-\x7e]{1,100}")
 log = structlog.get_logger()
 
 
 class RequestLog:
-    """ASGI middleware, the outermost. One line a request: reads that went well are `debug`, all else is `info`."""
+    """The outermost ASGI middleware. Logs one line per request: successful reads as `debug`, others as
+    `info`.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Bind the id, pass on, tell how it went."""
+        """Bind the id, pass on, log the status."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        given = dict(scope["headers"]).get(b"x-request-id", b"")
-        request_id = given if GIVEN.fullmatch(given) else new_id().encode()
+        sent = dict(scope["headers"]).get(b"x-request-id", b"")
+        request_id = sent if REQUEST_ID.fullmatch(sent) else new_id().encode()
         status, begun = 0, time.monotonic()
 
         async def send_with_id(message: Message) -> None:

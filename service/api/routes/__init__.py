@@ -1,1 +1,1 @@
-"""The handlers, a file for each kind of resource. They translate between HTTP and the parts in `Api`, no more."""
+"""The handlers, one file per kind of resource. They only translate between HTTP and the parts in `Api`."""

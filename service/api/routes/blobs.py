@@ -1,4 +1,4 @@
-"""Meshes that are sent once and used by many jobs."""
+"""Meshes that clients send once and use in many jobs."""
 
 from typing import Annotated
 
@@ -26,7 +26,7 @@ async def put_blob(
     request: Request,
     api: UseApi,
     caller: Writes,
-    filename: Annotated[str | None, Query(max_length=255, description="a hint at the format")] = None,
+    filename: Annotated[str | None, Query(max_length=255, description="used to detect the format")] = None,
 ) -> Blob:
     """Store a mesh under its content. The same content again is the same blob."""
     return await accept_blob(request, api, caller, filename)
@@ -41,7 +41,7 @@ def head_blob(
     """Ask whether a blob is stored, before sending it."""
     row = api.jobs.blob(blob_id, caller.tenant)
     if row is None or not api.blobs.has(blob_id):
-        raise NotFound(f"no blob {blob_id[:80]!r} is stored here; send it by PUT /v1/blobs")
+        raise NotFound(f"no blob {blob_id[:80]!r} is stored; send it by PUT /v1/blobs")
     return Response(
         headers={"ETag": f'"{blob_id}"', "X-Blob-Size": str(row.size), "X-Blob-Format": row.format}
     )

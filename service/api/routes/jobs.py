@@ -1,4 +1,4 @@
-"""Jobs: start, list, watch, fetch, dismiss."""
+"""Jobs: start, list, watch, download, dismiss."""
 
 import asyncio
 import re
@@ -13,13 +13,12 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
-from service.api import problems as told
 from service.api.dependencies import Api, UseApi
 from service.api.digests import content_digest
 from service.api.etags import conditional_json, is_known
 from service.api.identity import Reads, Writes
 from service.api.intake import accept_job
-from service.api.problems import problems
+from service.api.problems import problem_response, problems
 from service.api.request_bodies import JOB_BODY
 from service.auth.keys import Caller
 from service.contract.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
@@ -37,7 +36,7 @@ MAX_WAIT_S = 60
 REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 )
-WAIT_LOOK_S = 0.1
+WAIT_POLL_S = 0.1
 NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 log = structlog.get_logger()
 
@@ -56,14 +55,14 @@ async def submit(
             min_length=1,
             max_length=255,
             pattern=r"^[\x21-\x7e]+$",
-            description="yours: sent again with the same meshes and options it gives the same job",
+            description="chosen by the client; with the same meshes and options it gives the same job",
         ),
     ] = None,
 ) -> Job:
-    """Start a job, with its meshes as files of a form or as blobs that were sent before.
+    """Start a job. The meshes are files of a form, or blobs stored before.
 
-    `type` says what to do: `registration` (the default) puts `scan` on `design`; `landmarks` finds segments and
-    landmarks of one `mesh`; `study` measures how much landmarks tell about one `mesh`.
+    `type` is `registration` (the default), which registers `scan` to `design`; `landmarks`, which finds the
+    segments and landmarks of one `mesh`; or `study`, which measures the value of landmarks of one `mesh`.
     """
     row = await accept_job(request, api, caller, idempotency_key)
     response.headers["Location"] = f"/v1/jobs/{row.id}"
@@ -75,27 +74,29 @@ async def submit(
 def list_jobs(
     api: UseApi,
     caller: Reads,
-    status: Annotated[Status | None, Query(description="only these")] = None,
-    type: Annotated[JobType | None, Query(description="only these")] = None,  # noqa: A002 (the contract's word)
-    label: Annotated[str | None, Query(max_length=200, pattern=NO_NUL, description="only these")] = None,
+    status: Annotated[Status | None, Query(description="select by this value")] = None,
+    type: Annotated[JobType | None, Query(description="select by this value")] = None,  # noqa: A002 (the contract's word)
+    label: Annotated[
+        str | None, Query(max_length=200, pattern=NO_NUL, description="select by this value")
+    ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
     cursor: Annotated[
-        str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the page before")
+        str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the previous page")
     ] = None,
 ) -> JobPage:
     """List jobs, newest first."""
     rows, after = api.jobs.page(
         tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit
     )
-    return JobPage(jobs=[job for row in rows if (job := _shown(row)) is not None], next=after)
+    return JobPage(jobs=[job for row in rows if (job := _readable(row)) is not None], next=after)
 
 
-def _shown(row: JobRow) -> Job | None:
-    """None for a row that means nothing here (damaged, or of a later version): it must not hide the others."""
+def _readable(row: JobRow) -> Job | None:
+    """None for a row that cannot be read (damaged, or of a later version): it must not hide the others."""
     try:
         return job_of(row)
     except (ValueError, AttributeError, TypeError):
-        log.exception("a job is left out of a list", job_id=row.id)
+        log.exception("a job is omitted from a list", job_id=row.id)
         return None
 
 
@@ -110,10 +111,10 @@ async def status(
     api: UseApi,
     caller: Reads,
     prefer: Annotated[
-        str | None, Header(description="`wait=N`: answer when final, or after N seconds")
+        str | None, Header(description="`wait=N`: answer when the job is final, or after N seconds")
     ] = None,
 ) -> Response:
-    """Watch a job."""
+    """Get the status of a job."""
     seconds = _seconds_to_wait(prefer)
     row = await _wait(api, job_id, caller, seconds)
     headers = {} if row.status.is_final else {"Retry-After": str(RETRY_AFTER_S)}
@@ -123,7 +124,7 @@ async def status(
 
 
 def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
-    """Before the stream begins, so that a wrong id is a 404."""
+    """Look the job up before the stream starts, so that a wrong id is a 404."""
     return api.job(job_id, caller)
 
 
@@ -136,19 +137,19 @@ async def events(
     job_id: JobId, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
 ) -> AsyncIterable[ServerSentEvent]:
     """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
-    told = None
+    sent = None
     while True:
         try:
             row = await run_in_threadpool(api.job, job_id, caller)
-        except JobNotFound:  # removed while we watched
+        except JobNotFound:  # removed meanwhile
             return
         job = job_of(row)
-        if job != told:
-            told = job
+        if job != sent:
+            sent = job
             yield ServerSentEvent(event="status", data=job.model_dump(mode="json"))
         if job.is_final:
             return
-        await asyncio.sleep(WAIT_LOOK_S)
+        await asyncio.sleep(WAIT_POLL_S)
 
 
 @router.get(
@@ -157,10 +158,10 @@ async def events(
     responses={**NOT_CHANGED, **problems(401, 403, 404, 409, 413, 415, 422, 429, 500)},
 )
 def results(job_id: JobId, request: Request, api: UseApi, caller: Reads) -> Response:
-    """Get results.json; of a failed job, its problem."""
+    """Get results.json, or the problem of a failed job."""
     row = api.job(job_id, caller)
     if row.status is Status.FAILED and row.error:
-        return told.problem_response(row.error)
+        return problem_response(row.error)
     _check_successful(row)
     return _download(api, request, row, "results.json", inline=True)
 
@@ -191,23 +192,21 @@ def download(job_id: JobId, name: FileName, request: Request, api: UseApi, calle
 
 @router.get("/{job_id}/deliveries", responses=problems(401, 403, 404, 429))
 def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
-    """List the messages to the job's webhook, and how each attempt to deliver them ended."""
+    """List the messages to the webhook of a job, with their delivery attempts."""
     return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
 
 
 @router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
 def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
-    """Dismiss a job: drop it if it waits, kill it if it runs, remove it with its results if it is final."""
+    """Dismiss a waiting or running job; remove a final job with its results."""
     row = api.jobs.find(job_id, caller.tenant)
     if row is None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
         api.jobs.remove(job_id)
-        api.blobs.remove_results(
-            job_id
-        )  # also the second time: the first may have been cut off between the two
+        api.blobs.remove_results(job_id)  # on each call: an earlier one may have been interrupted
     elif not api.jobs.dismiss(job_id, row.status):
-        dismiss(job_id, api, caller)  # it moved on between the two: a job moves a few times only
+        dismiss(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
 
 
 async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
@@ -216,12 +215,12 @@ async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
         row = await run_in_threadpool(api.job, job_id, caller)
         if row.status.is_final or time.monotonic() >= deadline:
             return row
-        await asyncio.sleep(WAIT_LOOK_S)
+        await asyncio.sleep(WAIT_POLL_S)
 
 
 def _seconds_to_wait(prefer: str | None) -> int:
-    found = re.search(r"(?:^|[,;\s])wait\s*=\s*(\d{1,9})", prefer or "")
-    return min(int(found[1]), MAX_WAIT_S) if found else 0
+    match = re.search(r"(?:^|[,;\s])wait\s*=\s*(\d{1,9})", prefer or "")
+    return min(int(match[1]), MAX_WAIT_S) if match else 0
 
 
 def _check_successful(row: JobRow) -> None:
@@ -229,7 +228,7 @@ def _check_successful(row: JobRow) -> None:
         raise JobDismissed(f"job {row.id} was dismissed; start a new one")
     if row.status is not Status.SUCCESSFUL:
         why = (
-            "failed, see its results"
+            "failed; see its results"
             if row.status is Status.FAILED
             else f"{row.status}; poll it until it is final"
         )
@@ -248,7 +247,7 @@ def _download(api: Api, request: Request, row: JobRow, name: str, *, inline: boo
         "ETag": etag,
         "Content-Digest": content_digest(entry["sha256"]),
     }
-    if name == "report.html":  # to be looked at: with nothing that could act
+    if name == "report.html":  # shown in the browser, without scripts
         headers["Content-Security-Policy"] = REPORT_POLICY
     elif not inline:
         headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(name)}"

@@ -1,4 +1,4 @@
-"""The page at `/`: files as they stand in `service/web`, under a policy that lets nothing else in."""
+"""The page at `/`: the files of `service/web`, with a policy that allows no other source."""
 
 from importlib import resources
 from pathlib import Path
@@ -12,10 +12,10 @@ from starlette.staticfiles import StaticFiles
 
 WEB = Path(str(resources.files("service") / "web"))
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-GUARDED = {
+HEADERS = {
     "Content-Security-Policy": POLICY,
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -27,18 +27,18 @@ router = APIRouter()
 
 @router.get("/", include_in_schema=False)
 def page() -> FileResponse:
-    """Serve the page; what it asks of the service needs a key where there are keys, the page itself does not."""
-    return FileResponse(WEB / "index.html", headers=GUARDED)
+    """Serve the page. It needs no key; its requests to the API do, if the service has keys."""
+    return FileResponse(WEB / "index.html", headers=HEADERS)
 
 
-class GuardedFiles(StaticFiles):
+class PageFiles(StaticFiles):
     """Static files with the page's headers."""
 
-    def file_response(self, *given: Any, **named: Any) -> Response:
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
         """See starlette."""
-        answer = super().file_response(*given, **named)
-        answer.headers.update(GUARDED)
+        answer = super().file_response(*args, **kwargs)
+        answer.headers.update(HEADERS)
         return answer
 
 
-assets = Mount("/web", GuardedFiles(directory=WEB), name="web")
+assets = Mount("/web", PageFiles(directory=WEB), name="web")

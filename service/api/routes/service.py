@@ -1,4 +1,4 @@
-"""The service itself: probes, version, limits, and what is at the root."""
+"""The service itself: probes, metrics, version, limits."""
 
 import shutil
 
@@ -21,20 +21,20 @@ router = APIRouter(tags=["service"])
 
 @router.get("/livez")
 def livez() -> Health:
-    """Say that the process answers."""
+    """Liveness: the process answers."""
     return Health()
 
 
 @router.get("/readyz", responses=problems(503))
 def readyz(api: UseApi) -> Health:
-    """Say that jobs are taken and run: the database answers, a worker lives and the disk has room."""
+    """Readiness: the database answers, a worker is alive, and the disk has room."""
     if not api.jobs.has_worker(DEAD_AFTER_MS):
         raise NotReady("no worker is alive; jobs are accepted and wait for one")
     free_mib = shutil.disk_usage(api.settings.data_dir).free // MIB
     if free_mib < api.settings.min_free_disk_mib:
         raise NotReady(
-            f"{free_mib} MiB are free on the data volume, CUSP_MIN_FREE_DISK_MIB asks for {api.settings.min_free_disk_mib}: "
-            "make room, or lower CUSP_RETENTION_H"
+            f"{free_mib} MiB are free on the data volume, less than CUSP_MIN_FREE_DISK_MIB "
+            f"({api.settings.min_free_disk_mib}): free some space, or lower CUSP_RETENTION_H"
         )
     return Health()
 
@@ -48,19 +48,19 @@ def readyz(api: UseApi) -> Health:
     },
 )
 def metrics(api: UseApi, _: Admins) -> Response:
-    """Say how it goes, for Prometheus; with API keys, to one with the scope `admin`."""
+    """Metrics for Prometheus. If the service has API keys, the scope `admin` is needed."""
     return Response(api.metrics.exposition(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
 
 @router.get("/version")
 def get_version() -> Version:
-    """Say what is running."""
+    """Get the version of the service."""
     return Version(version=version.VERSION)
 
 
 @router.get("/v1/limits", responses=problems(401, 403, 429))
 def limits(api: UseApi, _: Reads) -> Limits:
-    """Say what this server accepts."""
+    """Get the limits of this server."""
     return Limits(
         max_upload_mib=api.settings.max_upload_mib,
         job_time_limit_s=api.settings.job_time_limit_s,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.execution.periodic import Chore
+from service.execution.periodic import PeriodicTask
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
 from tests.support.service import Service, spoil
@@ -59,19 +59,19 @@ def test_a_job_that_cannot_be_handed_on_or_queued_holds_up_no_other(
     for job_id in ids:
         assert service.jobs.claim(job_id, "worker-7") is not None
     service.queue.waiting.clear()
-    hand_on, requeue = service.jobs.hand_on, service.queue.requeue
+    reassign, requeue = service.jobs.reassign, service.queue.requeue
 
-    def handing_on(row: Any, *given: Any) -> Any:
+    def reassigning(row: Any, *given: Any) -> Any:
         if row.id == ids[0]:
             raise ValueError("odd")
-        return hand_on(row, *given)
+        return reassign(row, *given)
 
     def requeuing(job_id: str, turn: int) -> None:
         if job_id == ids[1]:
             raise KeyError("odd")
         requeue(job_id, turn)
 
-    monkeypatch.setattr(service.jobs, "hand_on", handing_on)
+    monkeypatch.setattr(service.jobs, "reassign", reassigning)
     monkeypatch.setattr(service.queue, "requeue", requeuing)
     monkeypatch.setattr("service.jobs.reaper.now_ms", lambda: now_ms() + DEAD_AFTER_MS + 1000)
     reaper = Reaper(service.jobs, service.queue)
@@ -90,8 +90,8 @@ def test_a_chore_that_fails_or_hangs_holds_up_no_other_and_is_done_again() -> No
             raise ValueError("odd")
         done.set()
 
-    Chore("hangs", hang.wait, 0.01).begin(stop)  # type: ignore[arg-type]
-    thread = Chore("fails", fail_first, 0.01, after_error_s=0.2).begin(stop)
+    PeriodicTask("hangs", hang.wait, 0.01).begin(stop)  # type: ignore[arg-type]
+    thread = PeriodicTask("fails", fail_first, 0.01, after_error_s=0.2).begin(stop)
     assert done.wait(5)
     assert calls[1] - calls[0] >= 0.2
     stop.set()

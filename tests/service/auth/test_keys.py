@@ -165,7 +165,7 @@ def test_another_tenants_blob_is_not_there_until_sent(service: Service, keys: Ke
 
 @pytest.mark.parametrize("tenant", ["", "Acme", "a b", "../x", "a/b", "-a", "a" * 65, "a\n", "ä"])
 def test_a_tenants_name_is_a_plain_word(keys: KeyStore, tenant: str) -> None:
-    with pytest.raises(BadTenant, match="small letters"):
+    with pytest.raises(BadTenant, match="lower-case letters"):
         keys.create(tenant, BOTH)
 
 

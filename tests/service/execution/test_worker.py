@@ -124,7 +124,7 @@ def test_a_ticket_that_a_gone_worker_holds_is_made_anew(
     held, waits = service.submitted(), service.submitted()
     assert service.waiting == [held, waits]
     made: list[str] = []
-    monkeypatch.setattr(service.queue, "tickets", lambda: {held: "worker-7", waits: None})
+    monkeypatch.setattr(service.queue, "entries", lambda: {held: "worker-7", waits: None})
     monkeypatch.setattr(service.queue, "requeue", lambda job_id, turn: made.append(job_id))
     age(service, monkeypatch, LOST_AFTER_MS + 1000)
     service.jobs.worker_beat("worker-7")

@@ -215,7 +215,7 @@ def test_a_worker_that_stops_waits_for_no_store(service: Service, monkeypatch: p
     assert begun.wait(5)
     assert service.worker.stop(5)
     assert service.status(job_id)["status"] == "accepted"
-    assert [row.id for row in service.worker.handed_back] == [job_id]
+    assert [row.id for row in service.worker.released] == [job_id]
 
 
 def test_what_the_database_tells_of_is_on_the_disk_before_it(

@@ -26,7 +26,7 @@ def add(jobs: JobStore, tenant: str) -> JobRow:
 
 def serve(jobs: JobStore, waiting: list[JobRow]) -> JobRow:
     """What the queue does: the least turn first, of equals the oldest."""
-    row = min(waiting, key=lambda each: (each.turn, each.id))
+    row = min(waiting, key=lambda each: (each.rank, each.id))
     waiting.remove(row)
     claimed = jobs.claim(row.id, "w")
     assert claimed is not None and jobs.succeed(row.id, claimed.attempt, [])
@@ -79,7 +79,7 @@ def test_each_tenants_jobs_keep_their_order_and_shares_are_even(of_module: Any, 
         row = serve(jobs, waiting)
         served.append(row)
         begun[row.tenant] += 1
-        assert max(begun.values()) - min(begun.values()) <= 2, [(each.tenant, each.turn) for each in waiting]
+        assert max(begun.values()) - min(begun.values()) <= 2, [(each.tenant, each.rank) for each in waiting]
     for tenant in "abc":
         ids = [row.id for row in served if row.tenant == tenant]
         assert ids == sorted(ids)
@@ -87,7 +87,7 @@ def test_each_tenants_jobs_keep_their_order_and_shares_are_even(of_module: Any, 
 
 def test_the_queue_is_told_the_turn_and_one_tenants_limit_leaves_room_for_others(service: Service) -> None:
     ids = [service.submitted() for _ in range(3)]
-    turns = [service.jobs.find(job_id).turn for job_id in ids]  # type: ignore[union-attr]
+    turns = [service.jobs.find(job_id).rank for job_id in ids]  # type: ignore[union-attr]
     assert turns == [1, 2, 3]
     assert service.waiting == ids
     assert service.queue.turns == dict(zip(ids, turns, strict=True))

@@ -40,15 +40,15 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(url: str, queue: DbosQueu
     for job_id in ("a", "b", "b", "c"):
         queue.enqueue(job_id, 2)
     queue.drop(["c"])
-    assert queue.tickets() == {"a": None, "b": None}
+    assert queue.entries() == {"a": None, "b": None}
     runner = DbosRunner(url, "worker-1", 1, run)
     runner.start()
     try:
         wait_until(lambda: ran == ["a"], 60, "the first job")
-        assert queue.tickets() == {"a": "worker-1", "b": None}  # one at a time; both are somebody's
+        assert queue.entries() == {"a": "worker-1", "b": None}  # one at a time; both are somebody's
         gate.set()
         wait_until(lambda: ran == ["a", "b"], 60, "the second job")
-        wait_until(lambda: not queue.tickets(), 60, "both tickets to be used up")
+        wait_until(lambda: not queue.entries(), 60, "both entries to be used up")
         queue.requeue("a", 2)  # its row said that it waits, though its ticket is used up
         queue.requeue("c", 2)
         wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 60, "both again")

@@ -83,9 +83,9 @@ class OneJob(RuleBasedStateMachine):
             self.status = Status.FAILED
 
     @rule(attempt=attempts)
-    def hand_back(self, attempt: int) -> None:
+    def release(self, attempt: int) -> None:
         mine = self.is_mine(attempt)
-        assert self.store.hand_back(self.id, attempt) == mine
+        assert self.store.release(self.id, attempt) == mine
         if mine:
             self.status = Status.ACCEPTED
 
@@ -95,11 +95,11 @@ class OneJob(RuleBasedStateMachine):
         (job_id,) = self.store.orphans(worker="w")
         row = self.store.find(job_id)
         assert row is not None
-        status = self.store.hand_on(row, CRASHED)
+        status = self.store.reassign(row, CRASHED)
         self.crashes += 1
         self.status = Status.FAILED if self.crashes >= MAX_CRASHES else Status.ACCEPTED
         assert status is self.status
-        assert self.store.hand_on(row, CRASHED) is None  # another reaper, a moment later
+        assert self.store.reassign(row, CRASHED) is None  # another reaper, a moment later
 
     @rule(before=st.sampled_from([Status.ACCEPTED, Status.RUNNING]))
     def dismiss(self, before: Status) -> None:

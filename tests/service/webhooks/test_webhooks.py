@@ -322,7 +322,7 @@ def test_a_name_that_leads_inside_is_refused_when_it_is_looked_up(
     poster = Poster(Guard())
     answer = poster.post(url, {}, b"{}")
     poster.close()
-    assert answer.is_forbidden and not answer.is_taken and receiver.got == []
+    assert answer.is_forbidden and not answer.is_accepted and receiver.got == []
     assert asked == ["rebinding.example.org"]
 
 

@@ -1,4 +1,6 @@
-"""Counters for /metrics: in the database, so that they are one truth for all processes and outlive each of them."""
+"""Counters for /metrics: in the database, so that they are one truth for all processes and outlive each of
+them.
+"""
 
 import sqlalchemy as sa
 from alembic import op

@@ -1,0 +1,37 @@
+"""The rows of uploaded meshes; their bytes are in `service.storage.blobs`."""
+
+from contextlib import suppress
+
+from sqlalchemy import update
+from sqlalchemy.exc import IntegrityError
+
+from service.jobs.models import DEFAULT_TENANT, BlobRow
+from service.jobs.table_access import TableAccess
+
+
+class BlobRecords(TableAccess):
+    """Meshes that tenants sent."""
+
+    def add_blob(self, blob_id: str, size: int, mesh_format: str, tenant: str = DEFAULT_TENANT) -> None:
+        """Add a stored blob. The same content again is the same blob with a new age."""
+        row = BlobRow(tenant=tenant, id=blob_id, size=size, format=mesh_format, created_ms=self._clock_ms())
+        with suppress(IntegrityError), self._session.begin() as session:  # sent twice at the same moment
+            session.merge(row)
+
+    def blob(self, blob_id: str, tenant: str = DEFAULT_TENANT) -> BlobRow | None:
+        """The blob; None if the tenant did not send it."""
+        if "\0" in blob_id:
+            return None
+        with self._session() as session:
+            return session.get(BlobRow, (tenant, blob_id))
+
+    def touch_blob(self, blob_id: str, tenant: str) -> bool:
+        """Restart the age of a blob that a new job names; False if the tenant has no such blob."""
+        with self._session.begin() as session:
+            done = session.execute(
+                update(BlobRow)
+                .where(BlobRow.tenant == tenant, BlobRow.id == blob_id)
+                .values(created_ms=self._clock_ms())
+                .returning(BlobRow.id)
+            )
+            return done.scalar_one_or_none() is not None
