@@ -1,4 +1,6 @@
-"""glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the vertices."""
+"""glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the
+vertices.
+"""
 
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +19,9 @@ NOT_COUNTED = 1e31  # glTF has no NaN
 
 
 class DisplayMesh:
-    """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made when first
-    asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
+    """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made
+    when first asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where
+    another stage made it
     """
 
     def __init__(self, full: Mesh, reduced: Mesh | None = None) -> None:
@@ -61,7 +64,8 @@ def write_glb(
 ) -> None:
     """One node `surface`, and one `landmarks` of small balls where `landmarks_mm` is given.
 
-    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`, `NOT_COUNTED` for NaN
+    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`,
+    `NOT_COUNTED` for NaN
     """
     import trimesh
 
