@@ -21,7 +21,8 @@ class Features:
 
     values : (n, 6) columns as `NAMES`; radius_mm : physical scale of the features;
     border_distance_mm : (n,) along the surface to the nearest open border, inf without one;
-    mean_curvature_per_mm, gaussian_curvature_per_mm2 : (n,) pointwise, averaged over the radius, m + where convex
+    mean_curvature_per_mm, gaussian_curvature_per_mm2 : (n,) pointwise, averaged over the radius, m + where
+    convex
     """
 
     mesh: Mesh
@@ -43,12 +44,12 @@ def features_edge_mm(design_area_mm2: float, settings: FeaturesSettings) -> floa
 
 
 def features(mesh: Mesh, radius_mm: float, settings: FeaturesSettings) -> Features:
-    """`integrated` (paper): PyMesh's values in file units, a = lumped area, l = half cotangent sums, m = half its
-    length, G = angle defect without border correction.
+    """`integrated` (paper): PyMesh's values in file units, a = lumped area, l = half cotangent sums, m = half
+    its length, G = angle defect without border correction.
 
-    `physical` (default): pointwise values averaged along the surface with the weights exp(-2 (d / radius)^2), so that
-    the triangulation drops out; a = area over projected area within that reach (1 on a plane), from the averaged
-    normal. Border vertices have no curvature of their own and do not enter the averages.
+    `physical` (default): pointwise values averaged along the surface with the weights exp(-2 (d / radius)^2),
+    so that the triangulation drops out; a = area over projected area within that reach (1 on a plane), from
+    the averaged normal. Border vertices have no curvature of their own and do not enter the averages.
     """
     n = len(mesh.vertices)
     areas = mesh.vertex_areas_mm2()
