@@ -26,9 +26,11 @@ MAX_ITERATIONS = (
     1000  # of the other rule; 122 was the most on arches, printed parts and a plane, up to 45 degrees away
 )
 DESCRIPTIONS = {
-    "library": f"the defaults of Open3D's registration_icp: until the RMS distance of the pairs changes by less than "
+    "library": f"the defaults of Open3D's registration_icp: until the RMS distance of the pairs "
+    "changes by less than "
     f"{LIBRARY_TOLERANCE:g} mm, at most {LIBRARY_ITERATIONS} iterations; no limit to the distance of a pair",
-    "converged": f"until no pair changes, so that every further motion is the same, at most {MAX_ITERATIONS} iterations; "
+    "converged": "until no pair changes, so that every further motion is the same, at most "
+    "{MAX_ITERATIONS} iterations; "
     "no limit to the distance of a pair",
 }
 

@@ -1,13 +1,13 @@
-"""Creases and bumps at a physical scale: a metric in which valleys are far to cross, a density that sits on
-bumps.
+"""Creases and bumps at a physical scale: a metric in which valleys are far to cross, a density that sits
+on bumps.
 
 The scale-space of the surface itself: positions diffused along the surface to a radius r
-(`kernels/diffusion.py`), and the signed height of each vertex over the surface so smoothed, in mm: positive
-on bumps, negative in valleys and grooves up to about r wide.
+(`kernels/diffusion.py`), and the signed height of each vertex over the surface so smoothed, in mm:
+positive on bumps, negative in valleys and grooves up to about r wide.
 
-The metric is a *lifting*: the surface with phi as one more coordinate, l'^2 = l^2 + (beta (phi_i - phi_j))^2.
-Three points of a Euclidean space always span a valid triangle, so exact polyhedral geodesics hold on it.
-Crossing a valley costs about 2 beta times its depth, walking along its floor nothing.
+The metric is a *lifting*: the surface with phi as one more coordinate, l'^2 = l^2 + (beta (phi_i -
+phi_j))^2. Three points of a Euclidean space always span a valid triangle, so exact polyhedral geodesics
+hold on it. Crossing a valley costs about 2 beta times its depth, walking along its floor nothing.
 """
 
 import numpy as np
@@ -30,7 +30,9 @@ def height_mm(mesh: Mesh, radius_mm: float) -> FloatArray:
 
 
 def concavity(mesh: Mesh, radius_mm: float) -> FloatArray:
-    """(n,) phi, mm: how deep the vertex lies under the surface diffused to `radius_mm`; negative on ridges."""
+    """(n,) phi, mm: how deep the vertex lies under the surface diffused to `radius_mm`; negative on
+    ridges.
+    """
     return -height_mm(mesh, radius_mm)
 
 

@@ -1,11 +1,11 @@
 """Unconstrained degrees of freedom: small motions of a registered scan that barely change the fit to its
 design.
 
-Examples are the rotation of a bolt about its axis and the translation along a rail. The analysis uses the 6 x
-6 point-to-plane Hessian at the area centroid, with rotations scaled by the RMS radius so that all six
-unknowns are displacements in mm (Bonnabel, Barczyk, Goulette, "On the covariance of ICP-based scan-matching
-techniques", 2016; their closed form holds for point-to-plane only). The standard deviation of a motion is
-sigma / sqrt(n_eff lambda), where n_eff is the number of independent residuals.
+Examples are the rotation of a bolt about its axis and the translation along a rail. The analysis uses the
+6 x 6 point-to-plane Hessian at the area centroid, with rotations scaled by the RMS radius so that all six
+unknowns are displacements in mm (Bonnabel, Barczyk, Goulette, "On the covariance of ICP-based
+scan-matching techniques", 2016; their closed form holds for point-to-plane only). The standard deviation
+of a motion is sigma / sqrt(n_eff lambda), where n_eff is the number of independent residuals.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,11 @@ from pipeline.kernels.patches import patch_means
 MAX_EFFECTIVE_COUNT = 300
 #: Min number of independent residuals: six unknowns need six (derived).
 MIN_EFFECTIVE_COUNT = 6.0
-#: The noise is at least `limit_mm` over this: even a copy without noise has an uncertainty. Chosen by hand;
-#: not fitted.
+#: The noise is at least `limit_mm` over this: even a copy without noise has an uncertainty. Chosen by
+#: hand; not fitted.
 NOISE_FLOOR_DIVISOR = 50.0
-#: Second step length over the limit: long enough to leave a facet of a tessellated surface. Chosen by hand;
-#: not fitted.
+#: Second step length over the limit: long enough to leave a facet of a tessellated surface. Chosen by
+#: hand; not fitted.
 WIDE_STEP_FACTOR = 10.0
 #: Displacement of the other motions over the step of the weak motion, in `lowest`. Chosen by hand; not
 #: fitted.
@@ -52,8 +52,8 @@ PURE_SHARE = 0.15
 class Motion:
     """One unconstrained motion, in the design frame.
 
-    axis : (3,) unit, of the rotation or along the translation; point_mm : (3,) on the axis (the centroid for
-    a translation); sigma_mm : standard deviation of the RMS displacement; twist : (6,) rotation vector
+    axis : (3,) unit, of the rotation or along the translation; point_mm : (3,) on the axis (the centroid
+    for a translation); sigma_mm : standard deviation of the RMS displacement; twist : (6,) rotation vector
     (radians) and translation (mm) about the centroid, for each mm of displacement
     """
 
@@ -66,8 +66,8 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Observability:
-    """eigenvalues : (6,) ascending, dimensionless, sum about 2; unconstrained : motions with sigma above the
-    limit.
+    """eigenvalues : (6,) ascending, dimensionless, sum about 2; unconstrained : motions with sigma above
+    the limit.
     """
 
     eigenvalues: FloatArray
@@ -86,11 +86,12 @@ def observe(
 
     points : (k, 3) mm, registered scan, design frame; normals : (k, 3) unit, of the design at the closest
     points; residual_mm : (k,) signed; weights : (k,) >= 0, 0 excludes a point; limit_mm : a motion with a
-    larger standard deviation is unconstrained; cost_mm2 : mean squared distance after one more motion (4, 4).
+    larger standard deviation is unconstrained; cost_mm2 : mean squared distance after one more motion (4,
+    4).
 
-    The facets of a tessellated bolt resist a very small rotation, the bolt itself does not. So a weak motion
-    is also made with finite steps, by the limit and by ten times the limit in both directions. The measured
-    increase of the cost replaces the eigenvalue where it is smaller.
+    The facets of a tessellated bolt resist a very small rotation, the bolt itself does not. So a weak
+    motion is also made with finite steps, by the limit and by ten times the limit in both directions. The
+    measured increase of the cost replaces the eigenvalue where it is smaller.
     """
     kept = weights > 0
     if kept.sum() < 6:
@@ -131,8 +132,8 @@ def observe(
     def lowest(vector: FloatArray, step_mm: float, aside_mm: float) -> float:
         """The cost after `step_mm` along `vector`, minimised over the other motions.
 
-        Facets couple the motions. Over a long step this coupling costs more than the resistance of the part
-        itself.
+        Facets couple the motions. Over a long step this coupling costs more than the resistance of the
+        part itself.
         """
         made, cost = step_mm * vector, after(step_mm * vector)
         for other in vectors.T:
@@ -163,7 +164,9 @@ def observe(
 
 
 def motion_about(centre: FloatArray, twist: FloatArray) -> FloatArray:
-    """(4, 4) the motion of `twist` (6,), rotation vector (radians) and translation (mm), about `centre` (3,)."""
+    """(4, 4) the motion of `twist` (6,), rotation vector (radians) and translation (mm), about `centre`
+    (3,).
+    """
     T = rigid.from_vector(twist[None])[0]
     return rigid.rotation_about(T[:3, :3], centre, T[:3, 3] + centre)
 
@@ -172,8 +175,8 @@ def effective_count(points: FloatArray, residual_mm: FloatArray, weights: FloatA
     """Number of independent residuals, from the variance of patch means over the variance of single
     residuals.
 
-    points : (k, 3) mm; residual_mm : (k,); weights : (k,), sum 1. Independent residuals average out within a
-    patch; fully correlated residuals do not, and then each patch counts as one.
+    points : (k, 3) mm; residual_mm : (k,); weights : (k,), sum 1. Independent residuals average out within
+    a patch; fully correlated residuals do not, and then each patch counts as one.
     """
     total = float((weights * residual_mm**2).sum())
     if total <= 0:

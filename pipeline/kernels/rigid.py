@@ -60,8 +60,8 @@ def orthonormal(T: FloatArray) -> FloatArray:
 def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> FloatArray:
     """(4, 4) T_target_source, the weighted least-squares motion between corresponding points.
 
-    source, target : (k, 3), k >= 3; weights : (k,) >= 0, default equal. For points on one line the rotation
-    about that line is arbitrary. Kabsch (1976); Umeyama (1991), without scale.
+    source, target : (k, 3), k >= 3; weights : (k,) >= 0, default equal. For points on one line the
+    rotation about that line is arbitrary. Kabsch (1976); Umeyama (1991), without scale.
     """
     w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
     source_mean, target_mean = np.einsum("k,kd->d", w, source), np.einsum("k,kd->d", w, target)
@@ -80,6 +80,8 @@ def angle_deg(T: FloatArray) -> float:
 
 
 def rms_displacement(T_a: FloatArray, T_b: FloatArray, points: FloatArray) -> float:
-    """RMS distance in mm between `points` (k, 3) under T_a and under T_b (4, 4): the difference of two poses."""
+    """RMS distance in mm between `points` (k, 3) under T_a and under T_b (4, 4): the difference of two
+    poses.
+    """
     difference = transformed(T_a, points) - transformed(T_b, points)
     return float(np.sqrt((difference**2).sum(axis=-1).mean()))

@@ -1,4 +1,6 @@
-"""Scale and deformation of a registered scan relative to its design: a diagnosis; the scan is never scaled."""
+"""Scale and deformation of a registered scan relative to its design: a diagnosis; the scan is never
+scaled.
+"""
 
 from dataclasses import dataclass
 
@@ -11,8 +13,8 @@ from pipeline.kernels.surface import Surface
 
 #: Gauss-Newton iterations, a fixed number. Chosen by hand; not fitted.
 ITERATIONS = 12
-#: Min eigenvalue (dimensionless) of the normal equations. Below it the surface does not determine the scale,
-#: as with a plane. Chosen by hand; not fitted.
+#: Min eigenvalue (dimensionless) of the normal equations. Below it the surface does not determine the
+#: scale, as with a plane. Chosen by hand; not fitted.
 MIN_EIGENVALUE = 1e-6
 
 
@@ -21,8 +23,8 @@ class ScaleEstimate:
     """Size of the source over that of the target, and what scaling does not explain.
 
     factors : (1,) isotropic or (3,) along the target's coordinate axes; 0.996 for a print 0.4 % too small;
-    residual_mm : (k,) signed distance along the target's normal after scaling, 0 for excluded points; point :
-    (k, 3) mm, closest points, target frame
+    residual_mm : (k,) signed distance along the target's normal after scaling, 0 for excluded points;
+    point : (k, 3) mm, closest points, target frame
     """
 
     factors: FloatArray
@@ -78,8 +80,8 @@ def residual_deformation_mm(estimate: ScaleEstimate, weights: FloatArray) -> flo
     """RMS in mm of the patch means of the signed distance after scaling: bending and warping, without
     roughness.
 
-    weights : (k,) >= 0 of the points of `estimate`. Means over about 100 patches remove noise and keep long
-    waves.
+    weights : (k,) >= 0 of the points of `estimate`. Means over about 100 patches remove noise and keep
+    long waves.
     """
     share, mean = patch_means(estimate.point, estimate.residual_mm, weights)
     return float(np.sqrt(share @ mean**2 / share.sum()))

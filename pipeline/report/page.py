@@ -39,7 +39,8 @@ MEANING = {
     "Submit it again with the correct unit.",
     "mirrored": "The scan is the mirror image of the design. "
     "No valid alignment was found, and no deviation is reported.",
-    "no_match": "No valid alignment was found: the scan may show another part, too small a region of the part, "
+    "no_match": "No valid alignment was found: the scan may show another part, too small a region of "
+    "the part, "
     "or a failed print or scan. No pose and no deviation are reported.",
 }
 #: Digits of an input's SHA-256 in the footer.

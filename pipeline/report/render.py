@@ -1,5 +1,5 @@
-"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded by
-numpy.
+"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded
+by numpy.
 """
 
 import io
@@ -35,7 +35,9 @@ class View:
 
 
 def four_views(mesh: Mesh) -> list[View]:
-    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the file's."""
+    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the
+    file's.
+    """
     weights = mesh.weights()
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
     _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))

@@ -1,7 +1,7 @@
 """Reads a mesh file and converts it to millimetres.
 
-trimesh parses the formats. This module adds the checks that its readers do not make: truncated ASCII files,
-zip bombs, units and coordinate range. Its errors name the file and the remedy.
+trimesh parses the formats. This module adds the checks that its readers do not make: truncated ASCII
+files, zip bombs, units and coordinate range. Its errors name the file and the remedy.
 """
 
 import hashlib
@@ -33,8 +33,8 @@ from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-#: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting and
-#: Poisson reconstruction. Derived.
+#: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
+#: and Poisson reconstruction. Derived.
 MAX_COORDINATE_MM = 1e8
 
 # What 3MF files may declare (core specification, section 3.4) in trimesh's spelling, and glTF's metre.
@@ -51,7 +51,9 @@ _DECLARED = {
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's bytes."""
+    """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
+    bytes.
+    """
 
     mesh: Mesh
     format: Format
@@ -94,7 +96,8 @@ def _check_coordinates(mesh: Mesh) -> None:
     if far.size:
         place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])
         raise CoordinateOutOfRange(
-            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm from the origin, the first "
+            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm "
+            "from the origin, the first "
             f"at ({place}) mm"
         )
 
@@ -153,7 +156,8 @@ def _parse(data: bytes, kind: Format) -> tuple[FloatArray, IndexArray, str | Non
     except MemoryError:
         raise
     except Exception as error:
-        # The readers of trimesh raise many types of exception (KeyError, struct.error, those of lxml, ...).
+        # The readers of trimesh raise many types of exception (KeyError, struct.error, those of lxml,
+        # ...).
         text = str(error).lower()
         if isinstance(error, IndexError) or "index outside the range" in text:
             raise IndexOutOfRange(f"a face of the {kind} refers to a vertex that does not exist") from error

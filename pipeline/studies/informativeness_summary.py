@@ -87,8 +87,10 @@ def summarize(used: InformativenessProtocol, results: Sequence[InformativenessRo
     counts = sorted({row.points for row in results})
     points = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
     opening = (
-        f"In {used.trials:,} trials a copy of the shape was moved by up to {used.noise_mm:.3g} mm along each axis"
-        f"{rotation}, then registered by ICP of all {used.points:,} points and by ICP of {points} landmarks alone; "
+        f"In {used.trials:,} trials a copy of the shape was moved by up to {used.noise_mm:.3g} mm "
+        "along each axis"
+        f"{rotation}, then registered by ICP of all {used.points:,} points and by ICP of {points} "
+        "landmarks alone; "
         "K is the error of the former divided by that of the latter."
     )
     library, converged = ([row for row in results if row.icp == rule] for rule in RULES)
@@ -100,7 +102,8 @@ def summarize(used: InformativenessProtocol, results: Sequence[InformativenessRo
     raw = f"Counted as in the paper, K > 1 for errors of any size, the share is {_listed(library, _raw)}"
     if any(row.share_tie > 0 for row in library):
         raw += (
-            "; in ties this compares rounding errors, which grow with the number of summed points for any choice "
+            "; in ties this compares rounding errors, which grow with the number of summed points "
+            "for any choice "
             "of points"
         )
     return " ".join([opening, *sentences, f"{raw}."])
@@ -110,11 +113,13 @@ def _sentences(start: str, group: Sequence[InformativenessRow], trials: int) -> 
     """Sentences about one stopping rule."""
     if all(row.share_tie == 1 for row in group):
         return [
-            f"{start}, every trial of every detector was a tie (both errors are rounding errors): the study cannot "
+            f"{start}, every trial of every detector was a tie (both errors are rounding errors): the "
+            "study cannot "
             "distinguish the detectors, nor landmarks from the complete shape."
         ]
     sentences = [
-        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; tied (both errors "
+        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; "
+        "tied (both errors "
         f"are rounding errors) in {_listed(group, _tie)}; and did worse in the rest."
     ]
     random = next((row for row in group if row.detector == "random"), None)
@@ -126,7 +131,8 @@ def _sentences(start: str, group: Sequence[InformativenessRow], trials: int) -> 
             "Better or tied more often than random points: "
             f"{_names(detector for detector, errors in apart.items() if errors > limit)}; less often: "
             f"{_names(detector for detector, errors in apart.items() if errors < -limit)}; within {limit:g} "
-            f"standard errors: {_names(detector for detector, errors in apart.items() if abs(errors) <= limit)}."
+            f"standard errors: "
+            f"{_names(detector for detector, errors in apart.items() if abs(errors) <= limit)}."
         )
     return sentences
 

@@ -185,7 +185,8 @@ def draw_repeatability(protocol: RepeatabilityProtocol, rows: Sequence[Repeatabi
         axes.set_axisbelow(True)
     _name_bars(panels[0], detectors)
     figure.supxlabel(
-        f"share of {protocol.count} points found again within {protocol.eps_mm:.3g} mm ({percent(protocol.eps)} of the "
+        f"share of {protocol.count} points found again within {protocol.eps_mm:.3g} mm "
+        f"({percent(protocol.eps)} of the "
         f"diagonal), mean of {protocol.trials} trials",
         fontsize=9,
     )

@@ -1,11 +1,11 @@
 """Repeatability of landmarks: does a detector find the same points on another mesh of the same shape?
 
-Salti, Tombari, Di Stefano, "A performance evaluation of 3D keypoint detectors" (2011): relative repeatability
-at a stated eps, here with a fixed number of points.
+Salti, Tombari, Di Stefano, "A performance evaluation of 3D keypoint detectors" (2011): relative
+repeatability at a stated eps, here with a fixed number of points.
 
-A trial simulates a scan of the shape: randomly rotated, triangulated again, with noise, and in one condition
-cropped. The whole analysis runs on both meshes. A detector gives `count` points on each, at least `spacing`
-apart (> 2 eps, so a point has at most one partner).
+A trial simulates a scan of the shape: randomly rotated, triangulated again, with noise, and in one
+condition cropped. The whole analysis runs on both meshes. A detector gives `count` points on each, at
+least `spacing` apart (> 2 eps, so a point has at most one partner).
 
 repeatability = one-to-one pairs within eps / points that the scan contains. A detector with fewer than
 `count` points is charged for the missing ones.
@@ -50,8 +50,8 @@ RIGHT_SHARE = 0.01
 class Trial:
     """One detector in one trial.
 
-    repeatability, chance : in [0, 1]; points : mean number on the two meshes; visible : points that the scan
-    contains; pose_error_mm : RMS, None if the points gave no pose
+    repeatability, chance : in [0, 1]; points : mean number on the two meshes; visible : points that the
+    scan contains; pose_error_mm : RMS, None if the points gave no pose
     """
 
     condition: str
@@ -161,8 +161,10 @@ def summarize(protocol: RepeatabilityProtocol, results: Sequence[RepeatabilityRo
     others = [row for row in results if row.detector == best.detector and row.condition != best.condition]
     harder = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in others)
     return (
-        f"Repeatability of {protocol.count} points of each detector within {percent(protocol.eps)} of the diagonal "
-        f"({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: {listed}; the same number of "
+        f"Repeatability of {protocol.count} points of each detector within {percent(protocol.eps)} of "
+        "the diagonal "
+        f"({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: {listed}; "
+        "the same number of "
         f"random points reaches {chance:.2f} by chance. Highest: {best.detector}"
         + (f" ({harder})" if harder else "")
         + f"; lowest: {worst.detector}. The landmarks gave a pose within {percent(RIGHT_SHARE, 0)} of the diagonal for "
@@ -262,7 +264,9 @@ def _pose_error_mm(
     settings: Settings,
     seed: int,
 ) -> float | None:
-    """RMS error in mm of the pose from matched landmarks, over the scan's vertices; landmark hypotheses only."""
+    """RMS error in mm of the pose from matched landmarks, over the scan's vertices; landmark hypotheses
+    only.
+    """
     design, other = (
         Side(analysed.side.mesh, analysed.keypoints[detector], analysed.side.descriptors)
         for analysed in (whole, again)

@@ -205,7 +205,9 @@ def test_words_of_the_legend_lie_apart_and_are_where_the_colour_is(tolerance_mm:
         if words.startswith("±"):
             assert share == 0.5 and words == f"±{tolerance_mm:g} mm"
         elif words != "0":
-            assert float(words.split()[0].replace("\N{MINUS SIGN}", "-")) == pytest.approx(2 * share - 1, abs=1e-3)
+            assert float(words.split()[0].replace("\N{MINUS SIGN}", "-")) == pytest.approx(
+                2 * share - 1, abs=1e-3
+            )
 
 
 def test_where_distances_have_no_sign_the_legend_promises_none() -> None:
