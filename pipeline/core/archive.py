@@ -31,8 +31,8 @@ class NotAnArchive(ValueError):
 
 
 def write(path: Path, record: Any) -> None:
-    """record : a dataclass of arrays, meshes, numbers, words, pydantic models, bytes, and tuples, dicts and dataclasses of
-    these. Appears under its name all at once.
+    """record : a dataclass of arrays, meshes, numbers, words, pydantic models, bytes, and tuples, dicts and
+    dataclasses of these. Appears under its name all at once.
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     meta = _encode(record, "r", arrays)

@@ -1,6 +1,6 @@
-"""Why the pipeline could not go on, in words for whoever uploaded the mesh: which file, what is wrong, what to do.
+"""Errors of the pipeline, with a message for the person who uploaded the mesh: file, cause and remedy.
 
-"Could not converge" and "cannot tell" are not here: they are results (see `outcome.Verdict`).
+A registration that does not converge or is ambiguous is a result, not an error (see `results.Verdict`).
 """
 
 from typing import ClassVar
@@ -9,10 +9,10 @@ from pipeline.core.progress import Stage
 
 
 class PipelineError(Exception):
-    """Base of everything the door raises on purpose.
+    """Base class of all errors that the public API raises on purpose.
 
-    stage : where it happened; code : stable word for machines; reason : what is wrong; remedy : what to do;
-    mesh : which input it is about (`design`, `scan`, `mesh`), None when about no single one.
+    stage : where the error occurred; code : stable identifier for programs; reason : the cause; remedy : what
+    to do; mesh : the input concerned (`design`, `scan`, `mesh`), None if it is not a single one.
     """
 
     stage: ClassVar[Stage] = Stage.LOAD
@@ -27,7 +27,7 @@ class PipelineError(Exception):
 
     @property
     def detail(self) -> str:
-        """One sentence a person can act on: `scan: reason; remedy`."""
+        """The message: `scan: reason; remedy`."""
         subject = f"{self.mesh}: " if self.mesh else ""
         return f"{subject}{self.reason}" + (f"; {self.remedy}" if self.remedy else "")
 
@@ -39,17 +39,17 @@ class EmptyFile(PipelineError):
 
 class UnknownFormat(PipelineError):
     code = "unknown_format"
-    default_remedy = "send STL, PLY, OBJ, OFF, 3MF or GLB (a scan also as PLY or XYZ points)"
+    default_remedy = "send STL, PLY, OBJ, OFF, 3MF or GLB; a scan may also be a PLY or XYZ point cloud"
 
 
 class TruncatedFile(PipelineError):
     code = "truncated_file"
-    default_remedy = "the upload or the export was cut short: send the file again"
+    default_remedy = "the upload or the export is incomplete: export the file and send it again"
 
 
 class UnreadableFile(PipelineError):
     code = "unreadable_file"
-    default_remedy = "open the file in the program it came from and export it again"
+    default_remedy = "open the file in the program that created it, and export it again"
 
 
 class MeshTooLarge(PipelineError):
@@ -59,35 +59,35 @@ class MeshTooLarge(PipelineError):
 
 class NotFinite(PipelineError):
     code = "not_finite"
-    default_remedy = "remove the NaN or infinite vertices in the program the file came from"
+    default_remedy = "remove the NaN or infinite vertices in the program that created the file"
 
 
 class CoordinateOutOfRange(PipelineError):
     code = "coordinate_out_of_range"
-    default_remedy = (
-        "remove stray vertices in the program the file came from, or say which unit it is in (options.units)"
-    )
+    default_remedy = "remove the distant vertices in the program that created the file, or set the unit of the file (options.units)"
 
 
 class IndexOutOfRange(PipelineError):
     code = "index_out_of_range"
-    default_remedy = "the file is damaged or was written wrongly: export it again"
+    default_remedy = "the file is damaged or was written incorrectly: export it again"
 
 
 class NoSurface(PipelineError):
     code = "no_surface"
-    default_remedy = "a design must have triangles: export it as a mesh, not as points"
+    default_remedy = "a design needs triangles: export it as a mesh, not as a point cloud"
 
 
 class UnitUnknown(PipelineError):
     code = "unit_unknown"
-    default_remedy = "say which unit the file is in: options.units, one of mm, cm, m, inch"
+    default_remedy = "set the unit of the file in options.units: mm, cm, m or inch"
 
 
 class DegenerateMesh(PipelineError):
     stage = Stage.CLEAN
     code = "degenerate_mesh"
-    default_remedy = "check the export: the part needs a surface with some extent"
+    default_remedy = (
+        "check the export: the surface of the part must have an extent in more than one direction"
+    )
 
 
 class TooFewPoints(PipelineError):
@@ -111,4 +111,4 @@ class ComponentsTooSmall(PipelineError):
 class TooFewLandmarks(PipelineError):
     stage = Stage.STUDY
     code = "too_few_landmarks"
-    default_remedy = "the surface has too little relief for a study of landmarks: lower landmarks.min_relief, or send another part"
+    default_remedy = "the surface has too little relief for a landmark study: lower landmarks.min_relief, or send another part"

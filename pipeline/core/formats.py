@@ -1,7 +1,7 @@
-"""Which mesh format some bytes are, decided from the first bytes and the size, without parsing the mesh.
+"""Detects the format of a mesh file from its first bytes and its size, without parsing it.
 
-The API calls this on an upload so that an empty, cut or foreign file is refused at once; the parsers
-themselves (`stages/load.py`) run in the child process only.
+The API calls this for an upload, so an empty, truncated or unsupported file is rejected at once. The parsers
+(`stages/load.py`) run only in the child process.
 """
 
 import re
@@ -10,7 +10,8 @@ from pathlib import PurePath
 
 from pipeline.core.errors import EmptyFile, TruncatedFile, UnknownFormat
 
-HEAD_BYTES = 4096  # what `detect_format` wants to see of a file
+#: Bytes at the start of a file that `detect_format` needs.
+HEAD_BYTES = 4096
 
 
 class Format(StrEnum):
@@ -25,8 +26,9 @@ class Format(StrEnum):
 
 STL_HEADER_BYTES = 84
 STL_FACE_BYTES = 50
-# The API reads what strangers send by these, and `re` holds the GIL: each text can be matched in one way only, so that a
-# hostile one costs time in proportion to its length. (`\d+\.?\d*` splits a run of digits in as many ways as it is long.)
+# These expressions read untrusted input, and `re` holds the GIL. Each text can match in one way only, so a
+# hostile text takes time in proportion to its length. (`\d+\.?\d*` would split a run of digits in as many
+# ways as it is long.)
 _NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)(?:inity)?"
 _XYZ_LINE = re.compile(rb"^\s*(?:" + _NUMBER + rb")(?:[\s,;]+(?:" + _NUMBER + rb")){2,}\s*$", re.IGNORECASE)
 _OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S", re.MULTILINE)
@@ -65,18 +67,20 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         ]
         whole = lines if size <= len(head) else lines[:-1]  # the last line of a partial head may be cut
         if whole and (_XYZ_LINE.match(whole[0]) or len(whole) > 1) and all(map(_XYZ_LINE.match, whole[1:])):
-            return Format.XYZ  # the first line may be a heading
+            return Format.XYZ  # the first line may be a header
     raise UnknownFormat(
-        f"the content is no mesh format that is known here{f' (file name ends in {suffix!r})' if suffix else ''}",
+        f"the content is not in a supported mesh format{f' (file name extension {suffix!r})' if suffix else ''}",
         mesh=mesh,
     )
 
 
 def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> bool:
-    """A binary STL is known by its length alone: 84 bytes and 50 for each announced triangle."""
+    """A binary STL has no signature, only a length: 84 bytes, and 50 for each triangle of the header."""
     if len(head) < STL_HEADER_BYTES:
         if suffix == ".stl" and not _looks_like_text(head):
-            raise TruncatedFile(f"a binary STL has a header of 84 bytes, this file has {size}", mesh=mesh)
+            raise TruncatedFile(
+                f"a binary STL has a header of 84 bytes, but the file has {size} bytes", mesh=mesh
+            )
         return False
     announced = int.from_bytes(head[80:84], "little")
     if size == STL_HEADER_BYTES + STL_FACE_BYTES * announced:

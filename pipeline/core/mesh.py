@@ -1,4 +1,4 @@
-"""The mesh every stage and kernel works on: checked once here, trusted from then on."""
+"""The triangle mesh of all stages and kernels; its arrays are validated once, on construction."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,9 +15,9 @@ IndexArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True)  # no slots: areas and normals are asked for again and again, and kept
+@dataclass(frozen=True)  # no slots: areas and normals are cached
 class Mesh:
-    """Triangles over points, in millimetres. No faces at all is a point cloud.
+    """A triangle mesh in millimetres; without faces, a point cloud.
 
     vertices : (n, 3) float64 mm, finite; faces : (m, 3) int32 in [0, n). Both become read-only.
 
@@ -35,12 +35,13 @@ class Mesh:
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
         if bad.size:
             raise NotFinite(
-                f"{bad.size} of {len(vertices)} vertices are NaN or infinite, the first is number {bad[0]}"
+                f"{bad.size} of {len(vertices)} vertices are NaN or infinite; the first has index {bad[0]}"
             )
         if indices.size and (indices.min() < 0 or indices.max() >= len(vertices)):
             face = int(np.flatnonzero(((indices < 0) | (indices >= len(vertices))).any(axis=1))[0])
             raise IndexOutOfRange(
-                f"triangle {face} names vertices {indices[face].tolist()}, but there are {len(vertices)} vertices"
+                f"triangle {face} refers to vertices {indices[face].tolist()}, "
+                f"but the mesh has {len(vertices)} vertices"
             )
         faces = np.array(indices, dtype=np.int32, order="C")
         vertices.flags.writeable = False
@@ -50,6 +51,7 @@ class Mesh:
 
     @property
     def is_cloud(self) -> bool:
+        """Whether the mesh has no faces."""
         return len(self.faces) == 0
 
     @property
@@ -86,7 +88,7 @@ class Mesh:
         )
 
     def weights(self) -> FloatArray:
-        """(n,) what each vertex counts for in area-weighted statistics, summing to 1; equal for a point cloud."""
+        """(n,) weight of each vertex in area-weighted statistics, sum 1; equal for a point cloud."""
         if self.is_cloud:
             return np.full(len(self.vertices), 1.0 / len(self.vertices))
         areas = self.vertex_areas_mm2()

@@ -43,8 +43,8 @@ STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Sta
 
 
 class StageTimer:
-    """`with timer.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by what
-    `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
+    """`with timer.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by
+    what `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
     """
 
     def __init__(self, on_progress: OnProgress, shares: dict[Stage, float]) -> None:
@@ -65,7 +65,9 @@ class StageTimer:
         self._done = min(100.0, self._done + self._shares[stage])
 
     def within(self, stage: Stage, share: float, message: str) -> None:
-        """Tell how far a long stage has come: `share` of it in [0, 1]. Call it inside `with self.stage(stage)`."""
+        """Tell how far a long stage has come: `share` of it in [0, 1]. Call it inside `with
+        self.stage(stage)`.
+        """
         percent = self._done + min(max(share, 0.0), 1.0) * self._shares[stage]
         self._on_progress(Progress(stage, min(100.0, percent), f"{stage.value}: {message}"))
 

@@ -1,14 +1,17 @@
 """The clusterings that the paper sets beside CFSFDP (its figure 1), on weighted points.
 
-What is clustered are positions in mm with Euclidean distances: these methods know nothing of the surface, which is
-what the comparison is about. Weights are the areas that points stand for, so that a denser triangulation of one part
-does not draw centres to it; Gaussian mixture (scikit-learn takes no weights there) and k-centers go without.
+What is clustered are positions in mm with Euclidean distances: these methods know nothing of the surface,
+which is what the comparison is about. Weights are the areas that points stand for, so that a denser
+triangulation of one part does not draw centres to it; Gaussian mixture (scikit-learn takes no weights there)
+and k-centers go without.
 
-K-means and Gaussian mixture are scikit-learn's. The other three are written out here: scikit-fuzzy (last release 2024)
-and pyclustering (archived) are untyped and hardly kept, `kmedoids` is another problem (centres among the points), and
-each takes a screen. Every method draws from its seed alone and runs on one thread: the same bytes every time.
+K-means and Gaussian mixture are scikit-learn's. The other three are written out here: scikit-fuzzy (last
+release 2024) and pyclustering (archived) are untyped and hardly kept, `kmedoids` is another problem (centres
+among the points), and each takes a screen. Every method draws from its seed alone and runs on one thread: the
+same bytes every time.
 
-    n points, k clusters, w_i weight of point i, c_s centre of cluster s, u_is membership of point i in cluster s
+    n points, k clusters, w_i weight of point i, c_s centre of cluster s, u_is membership of point i in
+    cluster s
 """
 
 import warnings
@@ -30,8 +33,8 @@ MEMBERSHIP_TOLERANCE = 1e-4  # fuzzy c-means ends when no membership moves by mo
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
-    """labels : (n,) int32 in [0, m), none empty, m <= k; centres : (m,) int64, the member nearest to each cluster's
-    centre. The cluster with most points is first; of equal ones that with the lower centre.
+    """labels : (n,) int32 in [0, m), none empty, m <= k; centres : (m,) int64, the member nearest to each
+    cluster's centre. The cluster with most points is first; of equal ones that with the lower centre.
     """
 
     labels: IntArray
@@ -48,8 +51,8 @@ class Partition:
 
 @dataclass(frozen=True, slots=True)
 class Fuzzy:
-    """memberships : (n, k), rows sum to 1; positions_mm : (k, 3); objective : sum_is w_i u_is^2 |x_i - c_s|^2 after
-    each update of the centres
+    """memberships : (n, k), rows sum to 1; positions_mm : (k, 3); objective : sum_is w_i u_is^2 |x_i - c_s|^2
+    after each update of the centres
     """
 
     memberships: FloatArray
@@ -58,7 +61,9 @@ class Fuzzy:
 
 
 def cluster(method: str, points: FloatArray, weights: FloatArray, k: int, seed: int) -> Clusters:
-    """Cut `points` (n, 3) into at most `k` clusters by a method of `METHODS`; n distinct points give at most n."""
+    """Cut `points` (n, 3) into at most `k` clusters by a method of `METHODS`; n distinct points give at most
+    n.
+    """
     k = min(k, len(points))
     floor = np.finfo(np.float64).tiny + 1e-12 * weights.mean()  # a point of no area is still a point
     partition = METHODS[method](points, np.maximum(weights, floor), k, seed)
@@ -66,7 +71,9 @@ def cluster(method: str, points: FloatArray, weights: FloatArray, k: int, seed: 
 
 
 def k_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Least sum of w_i |x_i - c|^2: Lloyd from k-means++ seeds (Arthur & Vassilvitskii 2007), by scikit-learn."""
+    """Least sum of w_i |x_i - c|^2: Lloyd from k-means++ seeds (Arthur & Vassilvitskii 2007), by
+    scikit-learn.
+    """
     from sklearn.cluster import KMeans
     from threadpoolctl import threadpool_limits
 
@@ -79,8 +86,8 @@ def k_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Parti
 
 
 def gaussian_mixture(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """k Gaussians with full covariances by expectation maximisation (Dempster et al. 1977), by scikit-learn; a point
-    belongs to the component it most likely came from. Without weights.
+    """k Gaussians with full covariances by expectation maximisation (Dempster et al. 1977), by scikit-learn;
+    a point belongs to the component it most likely came from. Without weights.
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.mixture import GaussianMixture
@@ -109,8 +116,8 @@ def k_medians(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Par
 
 
 def k_centers(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Least largest distance to a centre, within a factor of 2: the farthest point is the next centre (Gonzalez
-    1985). The first is the farthest from the mean, so nothing is drawn; without weights.
+    """Least largest distance to a centre, within a factor of 2: the farthest point is the next centre
+    (Gonzalez 1985). The first is the farthest from the mean, so nothing is drawn; without weights.
     """
     positions_mm = points[sampling.farthest(points, k)]
     return Partition(_distances(points, positions_mm, order=2).argmin(axis=1), positions_mm)
@@ -152,7 +159,9 @@ METHODS: dict[str, Method] = {
 
 
 def _memberships(dist_sq: FloatArray) -> FloatArray:
-    """(n, k): u_is = |x_i - c_s|^-2 / sum_t |x_i - c_t|^-2; a point on a centre belongs to it (or them) alone."""
+    """(n, k): u_is = |x_i - c_s|^-2 / sum_t |x_i - c_t|^-2; a point on a centre belongs to it (or them)
+    alone.
+    """
     nearest = dist_sq.min(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):  # 0 / 0 on a centre
         share = np.where(nearest > 0, nearest / dist_sq, dist_sq == 0)
@@ -192,8 +201,8 @@ def _weighted_median(points: FloatArray, weights: FloatArray) -> FloatArray:
 def _seeds(
     points: FloatArray, weights: FloatArray, k: int, rng: np.random.Generator, *, order: int
 ) -> IndexArray:
-    """(k,) points drawn one after another with probability w_i d_i^order, d_i the distance to the nearest drawn one
-    (k-means++; order 1 is its form for medians).
+    """(k,) points drawn one after another with probability w_i d_i^order, d_i the distance to the nearest
+    drawn one (k-means++; order 1 is its form for medians).
     """
     chance = weights.copy()
     nearest = np.full(len(points), np.inf)

@@ -1,12 +1,13 @@
-"""ICP of a moved copy of some points back to the points: thousands of starts, two stopping rules on each trajectory.
+"""ICP of a moved copy of some points back to the points: thousands of starts, two stopping rules on each
+trajectory.
 
-Besl & McKay, "A method for registration of 3-D shapes" (1992): every point of the copy is paired with the nearest of the
-points, the motion of least squares between the pairs (Horn 1987) is taken, and so on. No pair is left out, however far apart.
-The C++ (`native/copy_icp.hpp`) gives what the plain algorithm gives, sooner: a point is not asked for its nearest again while
-the triangle inequality proves that it is the same.
+Besl & McKay, "A method for registration of 3-D shapes" (1992): every point of the copy is paired with the
+nearest of the points, the motion of least squares between the pairs (Horn 1987) is taken, and so on. No pair
+is left out, however far apart. The C++ (`native/copy_icp.hpp`) gives what the plain algorithm gives, sooner:
+a point is not asked for its nearest again while the triangle inequality proves that it is the same.
 
-With all points paired right the motion is exact but for rounding. Sums over the points are plain, like any library's, so
-that rounding error is larger the more points there are.
+With all points paired right the motion is exact but for rounding. Sums over the points are plain, like any
+library's, so that rounding error is larger the more points there are.
 """
 
 import os
@@ -25,9 +26,11 @@ MAX_ITERATIONS = (
     1000  # of the other rule; 122 was the most on arches, printed parts and a plane, up to 45 degrees away
 )
 DESCRIPTIONS = {
-    "library": f"the defaults of Open3D's registration_icp: until the RMS distance of the pairs changes by less than "
+    "library": f"the defaults of Open3D's registration_icp: until the RMS distance of the pairs "
+    "changes by less than "
     f"{LIBRARY_TOLERANCE:g} mm, at most {LIBRARY_ITERATIONS} iterations; no limit to the distance of a pair",
-    "converged": f"until no pair changes, so that every further motion is the same, at most {MAX_ITERATIONS} iterations; "
+    "converged": "until no pair changes, so that every further motion is the same, at most "
+    "{MAX_ITERATIONS} iterations; "
     "no limit to the distance of a pair",
 }
 
@@ -36,8 +39,8 @@ DESCRIPTIONS = {
 class Alignments:
     """Where t starts ended, by each of RULES.
 
-    T_points_copy : (t, 2, 4, 4) takes the copy to the points; iterations : (t, 2) motions estimated until then;
-    converged : (t,) whether the pairs stayed the same within MAX_ITERATIONS
+    T_points_copy : (t, 2, 4, 4) takes the copy to the points; iterations : (t, 2) motions estimated until
+    then; converged : (t,) whether the pairs stayed the same within MAX_ITERATIONS
     """
 
     T_points_copy: FloatArray
@@ -57,7 +60,9 @@ class CopyIcp:
         self._threads = threads or len(os.sched_getaffinity(0))
 
     def align(self, T_copy_points: FloatArray, on_share: OnShare | None = None) -> Alignments:
-        """ICP from where each motion in T_copy_points (t, 4, 4) puts the copy: `copy = T_copy_points @ points`."""
+        """ICP from where each motion in T_copy_points (t, 4, 4) puts the copy: `copy = T_copy_points @
+        points`.
+        """
         library, converged, library_iterations, iterations, is_converged = self._core.align(
             *(_matrices(T_copy_points), LIBRARY_ITERATIONS, LIBRARY_TOLERANCE, MAX_ITERATIONS),
             *(self._threads, on_share),
@@ -69,7 +74,9 @@ class CopyIcp:
         )
 
     def rmse_mm(self, T_copy_points: FloatArray, T_points_copy: FloatArray) -> FloatArray:
-        """(t,) RMS over all points of |T_points_copy @ (T_copy_points @ p) - p|: each point to its own, both (t, 4, 4)."""
+        """(t,) RMS over all points of |T_points_copy @ (T_copy_points @ p) - p|: each point to its own, both
+        (t, 4, 4).
+        """
         return np.asarray(
             self._core.rms_error(_matrices(T_copy_points), _matrices(T_points_copy), self._threads)
         )

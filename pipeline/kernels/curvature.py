@@ -1,8 +1,9 @@
 """The differential quantities of a triangle mesh: areas, cotangent Laplacian, curvatures.
 
-Meyer, Desbrun, Schroeder, Barr, "Discrete differential-geometry operators for triangulated 2-manifolds" (2003),
-with lumped (barycentric) areas. Integrated values are sums over a vertex' share of the surface; dividing by its
-area gives pointwise ones. Sign: mean curvature is positive where the surface is convex (normals point out).
+Meyer, Desbrun, Schroeder, Barr, "Discrete differential-geometry operators for triangulated 2-manifolds"
+(2003), with lumped (barycentric) areas. Integrated values are sums over a vertex' share of the surface;
+dividing by its area gives pointwise ones. Sign: mean curvature is positive where the surface is convex
+(normals point out).
 """
 
 import numpy as np
@@ -29,12 +30,16 @@ def cotangent_laplacian(mesh: Mesh) -> csr_matrix:
 
 
 def integrated_laplacian(mesh: Mesh) -> FloatArray:
-    """(n, 3) L applied to the positions, mm: 2 H n_in times the vertex' area, n_in pointing to the concave side."""
+    """(n, 3) L applied to the positions, mm: 2 H n_in times the vertex' area, n_in pointing to the concave
+    side.
+    """
     return np.asarray(cotangent_laplacian(mesh) @ mesh.vertices, dtype=np.float64)
 
 
 def angle_defect(mesh: Mesh, *, border_correction: bool) -> FloatArray:
-    """(n,) integrated Gaussian curvature: 2 pi minus the angles at the vertex; pi minus on a corrected border."""
+    """(n,) integrated Gaussian curvature: 2 pi minus the angles at the vertex; pi minus on a corrected
+    border.
+    """
     n = len(mesh.vertices)
     around = np.bincount(
         mesh.faces.ravel(), weights=corner_angles(mesh.vertices[mesh.faces]).ravel(), minlength=n

@@ -1,8 +1,8 @@
 """Clustering by fast search and find of density peaks (CFSFDP), whatever the distances are.
 
-Rodriguez & Laio, "Clustering by fast search and find of density peaks", Science 344 (2014). Symbols: d_c cut-off
-distance, rho local density (eq. 1), delta distance to the nearest denser point (eq. 2). Equal densities rank by
-index, so every result is the same on every machine.
+Rodriguez & Laio, "Clustering by fast search and find of density peaks", Science 344 (2014). Symbols: d_c
+cut-off distance, rho local density (eq. 1), delta distance to the nearest denser point (eq. 2). Equal
+densities rank by index, so every result is the same on every machine.
 """
 
 from collections.abc import Callable
@@ -26,8 +26,8 @@ def choose_centres(
 ) -> IndexArray:
     """Vertices at the upper right of the decision graph, largest rho * delta first.
 
-    forced : always centres (the densest vertex of each piece). Beside them, `n_centres` in all by rho * delta if
-    given, else every vertex with delta >= `delta_min` and rho >= `rho_min`, at most `max_centres`.
+    forced : always centres (the densest vertex of each piece). Beside them, `n_centres` in all by rho * delta
+    if given, else every vertex with delta >= `delta_min` and rho >= `rho_min`, at most `max_centres`.
     """
     gamma = rho * np.where(np.isfinite(delta), delta, 0.0)
     order = np.argsort(-gamma, kind="stable")
@@ -42,7 +42,9 @@ def choose_centres(
 
 
 def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
-    """(n,) int32 cluster of each vertex: that of its nearest denser vertex; -1 if that chain reaches no centre."""
+    """(n,) int32 cluster of each vertex: that of its nearest denser vertex; -1 if that chain reaches no
+    centre.
+    """
     n = len(nearest_denser)
     ancestor = np.append(np.where(nearest_denser >= 0, nearest_denser, n), n)  # vertex n: no centre
     ancestor[centres] = centres
@@ -67,16 +69,17 @@ def persistent_centres(
 ) -> tuple[IndexArray, IntArray]:
     """Join density peaks over dense borders; what stays are the centres.
 
-    Average linkage over the borders, in the spirit of topological persistence (Edelsbrunner, Letscher, Zomorodian 2002): the mean
-    of a border, not its one densest point, tells two touching teeth from two cusps of one.
+    Average linkage over the borders, in the spirit of topological persistence (Edelsbrunner, Letscher,
+    Zomorodian 2002): the mean of a border, not its one densest point, tells two touching teeth from two cusps
+    of one.
 
-    Every candidate (vertex with delta above d_c) starts a cluster. Of all touching pairs of clusters the one with the
-    least prominence p = log min(rho_peak) - mean over border edges of log min(rho_i, rho_j) is joined, the lower
-    peak's cluster into the higher's, borders and their means being pooled, until no p is below `min_prominence` or
-    `n_centres` are left. Equal p: the pair with the smaller indices.
+    Every candidate (vertex with delta above d_c) starts a cluster. Of all touching pairs of clusters the one
+    with the least prominence p = log min(rho_peak) - mean over border edges of log min(rho_i, rho_j) is
+    joined, the lower peak's cluster into the higher's, borders and their means being pooled, until no p is
+    below `min_prominence` or `n_centres` are left. Equal p: the pair with the smaller indices.
 
-    rho : (n,) > 0; labels : (n,) cluster of each vertex, -1 none; candidates : (k,), cluster c's peak; ends : (e, 2)
-    mesh edges.
+    rho : (n,) > 0; labels : (n,) cluster of each vertex, -1 none; candidates : (k,), cluster c's peak; ends :
+    (e, 2) mesh edges.
 
     Returns
     -------
@@ -129,11 +132,12 @@ def halo(
 ) -> BoolArray:
     """(n,) vertices less dense than their cluster's border density, by the *article's* definition.
 
-    The border region of a cluster are its points within d_c of a point of another cluster; its border density is the highest
-    rho in that region. (The authors' published code averages the rho of the two points instead.)
+    The border region of a cluster are its points within d_c of a point of another cluster; its border density
+    is the highest rho in that region. (The authors' published code averages the rho of the two points
+    instead.)
 
-    at_border : for vertices (k,), whether each lies in the border region of its cluster; asked of the densest vertices of each
-    cluster first, so it is rarely asked of many
+    at_border : for vertices (k,), whether each lies in the border region of its cluster; asked of the densest
+    vertices of each cluster first, so it is rarely asked of many
     """
     order = np.lexsort((np.arange(len(rho)), -rho, labels))
     order = order[labels[order] >= 0]

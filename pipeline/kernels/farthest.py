@@ -1,8 +1,8 @@
 """Geodesic farthest-point sampling: each next point is the farthest from those taken.
 
-Eldar, Lindenbaum, Porat, Zeevi, "The farthest point strategy for progressive image sampling" (1997); on surfaces
-Moenning & Dodgson (2003). Each new source is searched no farther than the present largest distance, so that later ones
-cost little.
+Eldar, Lindenbaum, Porat, Zeevi, "The farthest point strategy for progressive image sampling" (1997); on
+surfaces Moenning & Dodgson (2003). Each new source is searched no farther than the present largest distance,
+so that later ones cost little.
 """
 
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from pipeline.kernels.geodesics import GeodesicSolver
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """taken : (k,) in order; reach_mm : (k,) distance of each to those before it, not rising; inf where a piece of the
-    surface is new; distance_mm : (n,) to the nearest taken one
+    """taken : (k,) in order; reach_mm : (k,) distance of each to those before it, not rising; inf where a
+    piece of the surface is new; distance_mm : (n,) to the nearest taken one
     """
 
     taken: IndexArray
@@ -29,8 +29,9 @@ def farthest_points(
 ) -> Spread:
     """At most `count` of the usable vertices, fewer when all of them lie on taken ones.
 
-    The first is the one farthest (straight) from the area centroid. Pieces are infinitely far from each other: each
-    gets its first point, found in the same way, the largest piece first, before any gets a second.
+    The first is the one farthest (straight) from the area centroid. Pieces are infinitely far from each
+    other: each gets its first point, found in the same way, the largest piece first, before any gets a
+    second.
 
     vertices : (n, 3) mm; areas : (n,) mm^2; usable : (n,).
     """
@@ -51,6 +52,7 @@ def farthest_points(
             break
         taken.append(vertex)
         reach.append(float(distance[vertex]))
-        # Farther than the farthest vertex nothing can come nearer. 1e-9: distances are right to rounding only.
+        # Farther than the farthest vertex nothing can come nearer. 1e-9: distances are right to rounding
+        # only.
         distance = np.minimum(distance, solver.distances(vertex, reach[-1] * (1 + 1e-9)))
     return Spread(np.array(taken, dtype=np.int64), np.array(reach), distance)

@@ -1,12 +1,13 @@
 """Exact distances along a triangle surface, behind one class.
 
-The search itself is C++ (`native/`): windows (Mitchell, Mount, Papadimitriou 1987; Surazhsky et al. 2005) in one queue with
-the vertices, pruned by "one angle, one split" (Chen & Han 1990) and the filter of Xin & Wang (2009). It needs edge lengths
-only, so any *intrinsic* metric will do, and stops at a radius or at the vertex it was looking for, so density peaks never
-need all pairs: rho streams the balls, delta stops at the first denser vertex, d_c looks at a narrow shell.
+The search itself is C++ (`native/`): windows (Mitchell, Mount, Papadimitriou 1987; Surazhsky et al. 2005) in
+one queue with the vertices, pruned by "one angle, one split" (Chen & Han 1990) and the filter of Xin & Wang
+(2009). It needs edge lengths only, so any *intrinsic* metric will do, and stops at a radius or at the vertex
+it was looking for, so density peaks never need all pairs: rho streams the balls, delta stops at the first
+denser vertex, d_c looks at a narrow shell.
 
-Distances are canonical: d(i, j) is the smaller of the two directions, which differ in the last bits; so every answer here is
-the one that the full matrix of canonical distances gives, for any number of threads.
+Distances are canonical: d(i, j) is the smaller of the two directions, which differ in the last bits; so every
+answer here is the one that the full matrix of canonical distances gives, for any number of threads.
 """
 
 import os
@@ -36,9 +37,10 @@ _SHELL = 0.05  # and the half width of the shell it is then looked for in
 class GeodesicSolver:
     """Shortest paths on one mesh: built once, asked often.
 
-    vertices : (n, 3) mm; faces : (m, 3) in [0, n); lengths : (m, 3) of the edge opposite each corner, where the metric is not that
-    of the vertices' positions (then these are not used); threads : default all this process may use.
-    Open, non-manifold and degenerate meshes are fine; pieces are infinitely far from each other.
+    vertices : (n, 3) mm; faces : (m, 3) in [0, n); lengths : (m, 3) of the edge opposite each corner, where
+    the metric is not that of the vertices' positions (then these are not used); threads : default all this
+    process may use. Open, non-manifold and degenerate meshes are fine; pieces are infinitely far from each
+    other.
     """
 
     def __init__(
@@ -68,7 +70,8 @@ class GeodesicSolver:
     def distances(self, source: Sequence[int] | IndexArray, radius: float = ...) -> FloatArray: ...
 
     def distances(self, source: int | Sequence[int] | IndexArray, radius: float = np.inf) -> FloatArray:
-        """(n,) from one vertex to every vertex, or (k, n) from several; inf beyond `radius`. One direction only.
+        """(n,) from one vertex to every vertex, or (k, n) from several; inf beyond `radius`. One direction
+        only.
 
         Raises
         ------
@@ -83,7 +86,8 @@ class GeodesicSolver:
         return np.asarray(self._core.distances_from_set(_sources(sources), np.inf))
 
     def within(self, radius: float) -> csr_matrix:
-        """(n, n) all pairs i != j with d(i, j) <= radius, as stored entries; symmetric to the last bit, sorted indices.
+        """(n, n) all pairs i != j with d(i, j) <= radius, as stored entries; symmetric to the last bit,
+        sorted indices.
 
         A pair at distance 0 (two vertices in one place) is stored as an explicit 0.
         """
@@ -109,19 +113,21 @@ class GeodesicSolver:
     def density(self, d_c: float, weights: FloatArray, *, gaussian: bool = False) -> FloatArray:
         """(n,) local density, streamed: memory is O(n) and never a matrix.
 
-        Cut-off kernel: sum of `weights` over d(i, j) < d_c, the own weight included (Rodriguez & Laio 2014, eq. 1). Gaussian:
-        the same with exp(-(d / d_c)^2), up to GAUSSIAN_REACH d_c. Densities are rounded to 2^-40 of the largest, so that equal
-        ones are equal whatever order they were added up in.
+        Cut-off kernel: sum of `weights` over d(i, j) < d_c, the own weight included (Rodriguez & Laio 2014,
+        eq. 1). Gaussian: the same with exp(-(d / d_c)^2), up to GAUSSIAN_REACH d_c. Densities are rounded to
+        2^-40 of the largest, so that equal ones are equal whatever order they were added up in.
         """
         limit, scale = (GAUSSIAN_REACH * d_c, d_c) if gaussian else (d_c, 0.0)
         shell = self._pass(weights, limit * (1 - _SLACK), limit * (1 + _SLACK), scale)
         return rounded(shell.up_to(limit, weights, scale)[1] + weights)
 
     def nearest_denser(self, rho: FloatArray) -> tuple[IndexArray, FloatArray]:
-        """For every vertex the nearest vertex that is denser, and the distance (Rodriguez & Laio 2014, eq. 2).
+        """For every vertex the nearest vertex that is denser, and the distance (Rodriguez & Laio 2014, eq.
+        2).
 
-        Denser is a larger `rho`, or the same with a smaller index, so every piece has exactly one vertex with nobody denser: index
-        -1 and distance inf. Of equally near ones the smaller index is taken. Each search stops at the first denser vertex.
+        Denser is a larger `rho`, or the same with a smaller index, so every piece has exactly one vertex with
+        nobody denser: index -1 and distance inf. Of equally near ones the smaller index is taken. Each search
+        stops at the first denser vertex.
         """
         index = np.full(self.n, -1, dtype=np.int64)
         distance = np.full(self.n, np.inf)
@@ -140,7 +146,9 @@ class GeodesicSolver:
         return index, distance
 
     def nearest_other(self, sources: IndexArray, labels: IntArray, radius: float) -> FloatArray:
-        """(k,) for each source the distance to the nearest vertex of another label >= 0; inf when none is nearer than `radius`."""
+        """(k,) for each source the distance to the nearest vertex of another label >= 0; inf when none is
+        nearer than `radius`.
+        """
         labels = np.ascontiguousarray(labels, dtype=np.int32)
         limit = radius * (1 + _SLACK)
         counts, other, d = self._core.nearest_other(
@@ -157,13 +165,15 @@ class GeodesicSolver:
     def quantile(self, q: float) -> float:
         """d_c: the max(1, round(q N))-th smallest of the N = n (n - 1) / 2 pairwise distances, exactly.
 
-        Pairs on different pieces come last, as inf. No n x n array: an estimate from a few sources, then the pairs in a narrow
-        shell around it one by one, and those nearer by their number.
+        Pairs on different pieces come last, as inf. No n x n array: an estimate from a few sources, then the
+        pairs in a narrow shell around it one by one, and those nearer by their number.
         """
         return self.cutoff_density(q, np.ones(self.n))[0]
 
     def cutoff_density(self, q: float, weights: FloatArray) -> tuple[float, FloatArray]:
-        """`d_c = quantile(q)` and `density(d_c, weights)` from one pass over the balls; (inf, all weights) without enough pairs."""
+        """`d_c = quantile(q)` and `density(d_c, weights)` from one pass over the balls; (inf, all weights)
+        without enough pairs.
+        """
         k = max(1, round(q * (self.n * (self.n - 1) // 2)))
         sizes = np.bincount(self.components)
         if k > int((sizes * (sizes - 1) // 2).sum()):
@@ -175,7 +185,8 @@ class GeodesicSolver:
         low, high = estimate * (1 - _SHELL), estimate * (1 + _SHELL)
         for _ in range(_MAX_SHELLS):
             shell = self._pass(weights, low * (1 - _SLACK), high * (1 + _SLACK))
-            # A pair at the inner limit may be in the shell from one end and nearer from the other, by rounding.
+            # A pair at the inner limit may be in the shell from one end and nearer from the other, by
+            # rounding.
             split = int(((shell.times == 1) & (shell.d < low * (1 - _SLACK / 2))).sum())
             nearer = (int(shell.counts.sum()) - split) // 2
             inside = np.sort(shell.d[shell.d <= high])
@@ -192,7 +203,8 @@ class GeodesicSolver:
     def _quantile_by_counts(self, k: int) -> float:
         """The smallest radius that holds k pairs, to rounding, by bisection.
 
-        For meshes so degenerate (lengths of 1e-9 beside 1e6) that the two directions of a pair differ by more than rounding.
+        For meshes so degenerate (lengths of 1e-9 beside 1e6) that the two directions of a pair differ by more
+        than rounding.
         """
         low, high = 0.0, self._longest
         while int(self.count_within(high).sum()) < 2 * k and high < 1e300:
@@ -213,7 +225,9 @@ class GeodesicSolver:
         return max(guess, 1e-9 * self._longest, 1e-300)  # vertices in one place, or lonely sources
 
     def _pass(self, weights: FloatArray, low: float, high: float, scale: float = 0.0) -> "_Shell":
-        """One search a vertex, out to `high`: what is nearer than `low` added up, the shell between them pair by pair."""
+        """One search a vertex, out to `high`: what is nearer than `low` added up, the shell between them pair
+        by pair.
+        """
         weights = np.ascontiguousarray(weights, dtype=np.float64)
         counts, sums, i, j, d = self._core.sums(weights, low, high, scale, self._threads, self._on_share)
         first, second, d, times = _canonical(_column(i), _column(j), np.asarray(d), self.n)
@@ -222,8 +236,8 @@ class GeodesicSolver:
 
 @dataclass(frozen=True, slots=True)
 class _Shell:
-    """counts, sums : (n,) vertices nearer than the shell, and their weights; first, second, d, times : (k,) the pairs in it,
-    each once, with the canonical distance and from how many ends they were found there
+    """counts, sums : (n,) vertices nearer than the shell, and their weights; first, second, d, times : (k,)
+    the pairs in it, each once, with the canonical distance and from how many ends they were found there
     """
 
     counts: IndexArray
@@ -234,7 +248,9 @@ class _Shell:
     times: IndexArray
 
     def up_to(self, limit: float, weights: FloatArray, scale: float = 0.0) -> tuple[IndexArray, FloatArray]:
-        """Number and summed weights (times exp(-(d / scale)^2) when scale > 0) of the vertices with d < limit."""
+        """Number and summed weights (times exp(-(d / scale)^2) when scale > 0) of the vertices with d <
+        limit.
+        """
         counts, sums, inside = self.counts.copy(), self.sums.copy(), self.d < limit
         first, second, d = self.first[inside], self.second[inside], self.d[inside]
         kernel = np.exp(-((d / scale) ** 2)) if scale > 0 else np.ones(len(d))
@@ -274,7 +290,9 @@ def _column(values: npt.ArrayLike) -> IndexArray:
 def _canonical(
     i: IndexArray, j: IndexArray, d: FloatArray, n: int
 ) -> tuple[IndexArray, IndexArray, FloatArray, IndexArray]:
-    """Directed pairs as undirected ones: smaller index, larger index, the smaller distance, how often found (1, 2)."""
+    """Directed pairs as undirected ones: smaller index, larger index, the smaller distance, how often found
+    (1, 2).
+    """
     keys = np.minimum(i, j) * n + np.maximum(i, j)
     order = np.lexsort((d, keys))
     unique, first, times = np.unique(keys[order], return_index=True, return_counts=True)

@@ -1,17 +1,18 @@
-"""Gaussian process landmarks: the next point is where a Gaussian process, known at those taken, is most uncertain.
+"""Gaussian process landmarks: the next point is where a Gaussian process, known at those taken, is most
+uncertain.
 
-Gao, Kovalsky, Daubechies, "Gaussian process landmarking on manifolds" (2019) and, with Boyer, "Gaussian process
-landmarking for three-dimensional geometric morphometrics" (2019).
+Gao, Kovalsky, Daubechies, "Gaussian process landmarking on manifolds" (2019) and, with Boyer, "Gaussian
+process landmarking for three-dimensional geometric morphometrics" (2019).
 
     k(x, y) = sum_z phi(x, z) w(z) phi(z, y),   phi(x, y) = exp(-|x - y|^2 / t)
-    w = area (lambda |K| / sum |K| + (1 - lambda) |H| / sum |H|),   lambda = 1/2, curvatures to the power rho = 1
-    var(x) = k(x, x) - k(x, taken) k(taken, taken)^-1 k(taken, x)
+    w = area (lambda |K| / sum |K| + (1 - lambda) |H| / sum |H|),   lambda = 1/2, curvatures to the power
+    rho = 1 var(x) = k(x, x) - k(x, taken) k(taken, taken)^-1 k(taken, x)
 
-As in the authors' code (shaharkov/GPLmkBDMatch) distances are straight ones, phi keeps the 500 nearest vertices and is
-made symmetric, and t is a fifth of the mean edge length of the mesh scaled to area 1, which is edge sqrt(area) / 5
-here. Values of phi below 1e-6 are left out, too. As w >= 0, k stays positive semidefinite whatever phi loses. The
-variances are those of a Cholesky decomposition with pivoting, so k is never formed: only its diagonal and the columns
-taken, O(n k^2) in all.
+As in the authors' code (shaharkov/GPLmkBDMatch) distances are straight ones, phi keeps the 500 nearest
+vertices and is made symmetric, and t is a fifth of the mean edge length of the mesh scaled to area 1,
+which is edge sqrt(area) / 5 here. Values of phi below 1e-6 are left out, too. As w >= 0, k stays positive
+semidefinite whatever phi loses. The variances are those of a Cholesky decomposition with pivoting, so k is
+never formed: only its diagonal and the columns taken, O(n k^2) in all.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,9 @@ _EXHAUSTED = 1e-12  # of the largest prior variance: beyond this only rounding i
 
 @dataclass(frozen=True, slots=True)
 class Greedy:
-    """taken : (k,) in order; variance : (k,) of each before it was taken, not rising; left : (n,) at the end"""
+    """taken : (k,) in order; variance : (k,) of each before it was taken, not rising; left : (n,) at the
+    end
+    """
 
     taken: IndexArray
     variance: FloatArray
@@ -61,7 +64,9 @@ def heat_factor(points: FloatArray, bandwidth: float) -> csr_matrix:
 
 
 def most_uncertain(phi: csr_matrix, weights: FloatArray, count: int) -> Greedy:
-    """At most `count` points of the greedy choice, fewer when no uncertainty is left. phi : (n, n); weights : (n,)."""
+    """At most `count` points of the greedy choice, fewer when no uncertainty is left. phi : (n, n);
+    weights : (n,).
+    """
     variance = np.asarray(phi.multiply(phi) @ weights, dtype=np.float64)
     floor = _EXHAUSTED * float(variance.max(initial=0.0))
     factor = np.zeros(

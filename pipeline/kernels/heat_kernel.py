@@ -1,16 +1,18 @@
 """Heat kernel signature: the heat that is still at a point a time t after all of it was put there.
 
-Sun, Ovsjanikov, Guibas, "A concise and provably informative multi-scale signature based on heat diffusion" (2009):
+Sun, Ovsjanikov, Guibas, "A concise and provably informative multi-scale signature based on heat diffusion"
+(2009):
 
     k_t(x, x) = sum_i exp(-lambda_i t) phi_i(x)^2,   L phi_i = -lambda_i A phi_i
 
-from the first 300 eigenpairs, for t from 4 ln 10 / lambda_300 to 4 ln 10 / lambda_2 (lambda_1 = 0): below, pairs left
-out would count; above, nothing changes but the size. Feature points are local maxima in the 2-ring "for a large t";
-the paper names none, and a large t has only a few. Here every t is taken, halved from the largest to the smallest, so
-that maxima of a larger t come before those of a smaller one.
+from the first 300 eigenpairs, for t from 4 ln 10 / lambda_300 to 4 ln 10 / lambda_2 (lambda_1 = 0): below,
+pairs left out would count; above, nothing changes but the size. Feature points are local maxima in the 2-ring
+"for a large t"; the paper names none, and a large t has only a few. Here every t is taken, halved from the
+largest to the smallest, so that maxima of a larger t come before those of a smaller one.
 
-L is the cotangent Laplacian, A the lumped mass. Every connected piece is a surface of its own, with the share of the
-300 pairs that its area has of the whole (Weyl: lambda_i is about 4 pi i / area), and its own range of t.
+L is the cotangent Laplacian, A the lumped mass. Every connected piece is a surface of its own, with the share
+of the 300 pairs that its area has of the whole (Weyl: lambda_i is about 4 pi i / area), and its own range of
+t.
 """
 
 from dataclasses import dataclass
@@ -34,7 +36,9 @@ _SMALL = 3  # times the pairs: below so many vertices a dense solver is faster, 
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Of one connected piece. eigenvalues : (k,) 1/mm^2, rising from 0; functions : (n, k) 1/mm, sum A phi^2 = 1"""
+    """Of one connected piece. eigenvalues : (k,) 1/mm^2, rising from 0; functions : (n, k) 1/mm, sum A phi^2
+    = 1
+    """
 
     eigenvalues: FloatArray
     functions: FloatArray
@@ -66,9 +70,11 @@ def signature(found: Spectrum, times_mm2: FloatArray) -> FloatArray:
 
 
 def signatures(mesh: Mesh, components: IntArray) -> FloatArray:
-    """(n, s) k_t(x, x) times the area of the piece, so 1 where heat is spread evenly, at times halved from the largest.
+    """(n, s) k_t(x, x) times the area of the piece, so 1 where heat is spread evenly, at times halved from
+    the largest.
 
-    components : (n,) piece of each vertex. -inf on pieces smaller than one of the `PAIRS`: they have no detail here.
+    components : (n,) piece of each vertex. -inf on pieces smaller than one of the `PAIRS`: they have no
+    detail here.
     """
     areas = mesh.vertex_areas_mm2()
     total = float(areas.sum())

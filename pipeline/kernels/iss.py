@@ -1,10 +1,10 @@
 """Intrinsic shape signatures: points whose surroundings vary in all three directions.
 
-Zhong, "Intrinsic shape signatures: a shape descriptor for 3D object recognition" (2009). Which vertices are keypoints
-is open3d's answer (older ones raced between threads: its pull request 6079 of 2023); it says nothing of how good they
-are, so the saliency, the least eigenvalue of the covariance of the neighbourhood, is computed here once more, from the
-same neighbours. Zhong's weights against uneven sampling are left out as open3d leaves them out: the working mesh is
-even.
+Zhong, "Intrinsic shape signatures: a shape descriptor for 3D object recognition" (2009). Which vertices are
+keypoints is open3d's answer (older ones raced between threads: its pull request 6079 of 2023); it says
+nothing of how good they are, so the saliency, the least eigenvalue of the covariance of the neighbourhood, is
+computed here once more, from the same neighbours. Zhong's weights against uneven sampling are left out as
+open3d leaves them out: the working mesh is even.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.mesh import BoolArray, FloatArray
 
-# The factors that open3d and PCL use with the resolution of the model, the mean distance to the nearest other point.
+# The factors that open3d and PCL use with the resolution of the model, the mean distance to the nearest other
+# point.
 SALIENT_RESOLUTIONS = 6.0
 NON_MAX_RESOLUTIONS = 4.0
 GAMMA = 0.975  # most that an eigenvalue may be of the next larger one
@@ -50,7 +51,9 @@ def keypoints(points: FloatArray) -> Salient:
 
 
 def saliency_mm2(points: FloatArray, radius_mm: float) -> FloatArray:
-    """(n,) least eigenvalue of the covariance of the points within `radius_mm`; 0 with fewer than `MIN_NEIGHBOURS`."""
+    """(n,) least eigenvalue of the covariance of the points within `radius_mm`; 0 with fewer than
+    `MIN_NEIGHBOURS`.
+    """
     tree = cKDTree(points)
     near = tree.sparse_distance_matrix(tree, radius_mm, output_type="coo_matrix")
     i, j = near.row, near.col

@@ -1,7 +1,7 @@
 """Vertices in the order of a field on a surface: its local maxima first, then everything else.
 
-Fields are compared in steps of 2^-40 of their size, and equal values go by index: where a field is flat, turning the
-part must not reorder its rounding errors.
+Fields are compared in steps of 2^-40 of their size, and equal values go by index: where a field is flat,
+turning the part must not reorder its rounding errors.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,8 @@ def ring(faces: IntArray, n: int, rings: int = 1) -> Neighbours:
 
 
 def local_maxima(field: FloatArray, near: Neighbours) -> BoolArray:
-    """(n,) whether no neighbour's value is larger and one is smaller; of equal neighbours the smaller index counts.
+    """(n,) whether no neighbour's value is larger and one is smaller; of equal neighbours the smaller index
+    counts.
 
     Never where the field is -inf, nor at a vertex without neighbours.
     """
@@ -68,16 +69,18 @@ def stepped(field: FloatArray) -> FloatArray:
 def ranked(field: FloatArray, tops: BoolArray) -> Ranking:
     """`tops` by the field, then all other vertices by the field; without those where it is -inf.
 
-    field : (n,); tops : (n,). Strength is the field from least (0) to greatest (1), half of it, and one more at a top.
+    field : (n,); tops : (n,). Strength is the field from least (0) to greatest (1), half of it, and one more
+    at a top.
     """
     return coarse_to_fine(field[:, None], tops[:, None])
 
 
 def coarse_to_fine(fields: FloatArray, tops: BoolArray) -> Ranking:
-    """The same over scales: tops of the first (coarsest) field, tops that the second adds, ..., the rest by the last.
+    """The same over scales: tops of the first (coarsest) field, tops that the second adds, ..., the rest by
+    the last.
 
-    fields, tops : (n, s). Strength is the number of scales from the last to the one where the vertex is first a top,
-    plus half of the field there, from least (0) to greatest (1).
+    fields, tops : (n, s). Strength is the number of scales from the last to the one where the vertex is first
+    a top, plus half of the field there, from least (0) to greatest (1).
     """
     scales = fields.shape[1]
     fields = np.stack([stepped(field) for field in fields.T], axis=1)

@@ -1,4 +1,4 @@
-"""A coarse grid that knows the nearest surface sample everywhere: judges thousands of poses in milliseconds."""
+"""A coarse grid of nearest surface samples: evaluates thousands of poses in milliseconds."""
 
 import numpy as np
 
@@ -14,7 +14,11 @@ BLOCK_SIZE = 2_000_000
 
 
 class NearestGrid:
-    """Nearest of `points` (with `normals`) at the centre of each cell of a box `margin_mm` around them."""
+    """The sample nearest to the centre of each cell of a box around the samples.
+
+    points : (k, 3) mm, normals : (k, 3) unit, target frame; margin_mm : distance from the samples to the
+    sides of the box
+    """
 
     def __init__(self, points: FloatArray, normals: FloatArray, margin_mm: float) -> None:
         low = points.min(axis=0) - margin_mm
@@ -35,10 +39,12 @@ class NearestGrid:
         normals: FloatArray,
         max_distance_mm: float,
     ) -> FloatArray:
-        """(h,) mean squared distance to the sample nearest to the cell a point falls in, truncated at
-        max_distance_mm^2, which also counts for a point outside the box or whose normal disagrees.
+        """(h,) mm^2, mean squared distance of the points to the sample of their cell, truncated at
+        max_distance_mm^2.
 
-        normal_sign : (h,) +1, or -1 to turn the normals of the points over under that pose
+        A point outside the box, or with a normal more than 60 degrees from the sample's, costs
+        max_distance_mm^2. T : (h, 4, 4) T_target_source; normal_sign : (h,) +1, or -1 to flip the normals of
+        the points under that pose; points : (k, 3) mm, normals : (k, 3) unit, source frame
         """
         costs = np.zeros(len(T))
         block = max(1, BLOCK_SIZE // max(1, len(points)))
@@ -48,14 +54,14 @@ class NearestGrid:
             cell = np.floor((moved - self._low) / self._cell).astype(np.int64)
             inside = ((cell >= 0) & (cell < self._shape)).all(axis=2)
             cell = np.clip(cell, 0, self._shape - 1)
-            found = self._nearest[
+            sample = self._nearest[
                 (cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]
             ]
-            squared = ((moved - self._points[found]) ** 2).sum(axis=2)
+            squared = ((moved - self._points[sample]) ** 2).sum(axis=2)
             rotated = (
                 rigid.rotated(chunk[:, :3, :3], normals) * normal_sign[start : start + block, None, None]
             )
-            inside &= (rotated * self._normals[found]).sum(axis=2) > MIN_AGREEMENT
+            inside &= (rotated * self._normals[sample]).sum(axis=2) > MIN_AGREEMENT
             costs[start : start + block] = np.where(
                 inside, np.minimum(squared, max_distance_mm**2), max_distance_mm**2
             ).mean(axis=1)

@@ -16,8 +16,9 @@ _MAX_STEP = 0.7  # of the reach: a maximum of the fit beyond it is extrapolated
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """position_mm : (k, 3); value : (k,) of the field there; sharpness : (k,) field unit a mm^2, how fast it falls in the
-    direction where it falls least, - second derivative; <= 0 on a ridge or where nothing could be fitted
+    """position_mm : (k, 3); value : (k,) of the field there; sharpness : (k,) field unit a mm^2, how fast it
+    falls in the direction where it falls least, - second derivative; <= 0 on a ridge or where nothing could
+    be fitted
     """
 
     position_mm: FloatArray
@@ -26,10 +27,11 @@ class Peaks:
 
 
 def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float) -> Peaks:
-    """The maximum of a quadric fitted to `field` (n,) around each of `vertices` (k,), weights exp(-2 (d / reach)^2).
+    """The maximum of a quadric fitted to `field` (n,) around each of `vertices` (k,), weights exp(-2 (d /
+    reach)^2).
 
-    reach_mm : at least two mean edges are used, so that there is something to fit. Where the fit has no maximum in reach,
-    the vertex itself. Turning or scaling the mesh moves the answers with it.
+    reach_mm : at least two mean edges are used, so that there is something to fit. Where the fit has no
+    maximum in reach, the vertex itself. Turning or scaling the mesh moves the answers with it.
     """
     normals = mesh.vertex_normals()
     ends = topology.edges(mesh.faces).ends
@@ -73,7 +75,9 @@ def _quadric(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _tangents(normal: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across `normal`, the first towards the farthest neighbour, so that they turn with the mesh."""
+    """Two unit vectors across `normal`, the first towards the farthest neighbour, so that they turn with the
+    mesh.
+    """
     flat = away - np.outer(away @ normal, normal)
     across = flat[int(np.round((flat**2).sum(axis=1) / max(float((flat**2).sum()), 1e-300), 9).argmax())]
     across = across / max(float(np.linalg.norm(across)), 1e-300)

@@ -1,4 +1,6 @@
-"""Candidate poses: from pairs of oriented correspondences, and from principal axes."""
+"""Candidate poses: from pairs of oriented correspondences, from principal axes, and from motions of known
+poses.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -8,9 +10,19 @@ import numpy as np
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.kernels import rigid
 
+#: Max difference of the cosines of corresponding angles in two oriented pairs. Chosen by hand; not fitted.
+MAX_ANGLE_COS = 0.35
+#: Min sine of the angle between the summed normals of a pair and its line; below, the frame is undefined.
+#: Chosen by hand; not fitted.
+MIN_TILT = 0.2
+
 
 def pair_frames(p: FloatArray, q: FloatArray, p_normal: FloatArray, q_normal: FloatArray) -> FloatArray:
-    """(k, 3, 3) orthonormal frames, columns (along, across, normal-ish), of oriented point pairs p -> q."""
+    """(k, 3, 3) orthonormal frames of oriented point pairs p -> q.
+
+    p, q : (k, 3) mm; p_normal, q_normal : (k, 3) unit. Columns: along p -> q, across, and the mean normal
+    orthogonalised against the first.
+    """
     along = q - p
     along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     mean_normal = p_normal + q_normal
@@ -26,14 +38,15 @@ def from_oriented_pairs(
     length_tolerance_mm: float,
     min_length_mm: float,
     max_pairs: int,
-    max_angle_cos: float = 0.35,
+    max_angle_cos: float = MAX_ANGLE_COS,
 ) -> FloatArray:
     """(h, 4, 4) T_design_scan of every two correspondences that agree geometrically.
 
-    scan, design : points (c, 3) and normals (c, 3), row i of one corresponds to row i of the other.
-    Two correspondences agree when the distance between their points, the angle between their normals, and the
-    angles of the normals to the line between them are alike; two such oriented points fix a pose. When there
-    are more than `max_pairs`, those with the best agreement are kept (ties by index).
+    scan, design : points (c, 3) mm and unit normals (c, 3), each in its own frame; row i of one corresponds
+    to row i of the other. Two correspondences agree when the distances between their points, the angles
+    between their normals, and the angles of the normals to the connecting line are similar. Two oriented
+    points determine a pose. If more than `max_pairs` agree, those with the best agreement are returned (ties
+    by index).
     """
     (p, n), (q, m) = scan, design
     i, j = np.triu_indices(len(p), 1)
@@ -55,11 +68,11 @@ def from_oriented_pairs(
             np.abs(dot(n[j], u) - dot(m[j], v)),
         ]
     )
-    tilt = np.minimum(  # normals that add up to nothing across the line leave the frame undefined
+    tilt = np.minimum(  # summed normals along the line leave the frame undefined
         np.linalg.norm(np.cross(n[i] + n[j], u), axis=1), np.linalg.norm(np.cross(m[i] + m[j], v), axis=1)
     )
     quality = disagreement / max_angle_cos + length_error / length_tolerance_mm
-    good = np.flatnonzero((disagreement <= max_angle_cos) & (tilt > 0.2))
+    good = np.flatnonzero((disagreement <= max_angle_cos) & (tilt > MIN_TILT))
     good = good[np.argsort(quality[good], kind="stable")[:max_pairs]]
     return _between(p, q, n, m, i[good], j[good])
 
@@ -75,18 +88,19 @@ def _between(
 
 
 def from_axes(scan: FloatArray, design: FloatArray) -> FloatArray:
-    """(24, 4, 4) T_design_scan that put principal axes on principal axes, in every order and direction.
+    """(24, 4, 4) T_design_scan that align the principal axes, in every order and direction (proper rotations
+    only).
 
-    scan, design : (k, 3) points that sample both surfaces evenly.
+    scan, design : (k, 3) mm, points that sample both surfaces evenly.
     """
     (scan_mean, scan_axes), (design_mean, design_axes) = _axes(scan), _axes(design)
     found = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
-            turn = np.zeros((3, 3))
-            turn[list(order), range(3)] = signs
-            if np.linalg.det(turn) > 0:
-                R = design_axes @ turn @ scan_axes.T
+            permutation = np.zeros((3, 3))
+            permutation[list(order), range(3)] = signs
+            if np.linalg.det(permutation) > 0:
+                R = design_axes @ permutation @ scan_axes.T
                 found.append(rigid.rotation_about(R, scan_mean, design_mean))
     return np.array(found)
 
@@ -105,10 +119,13 @@ def distinct(
     probes: FloatArray,
     apart_mm: float,
     most: int,
-    images: Sequence[FloatArray] = (),
+    symmetries: Sequence[FloatArray] = (),
 ) -> IndexArray:
-    """Numbers of poses in `order`, each at least `apart_mm` (RMS over `probes`) from those before it, and from what the
-    target's own symmetries `images`, each (4, 4), make of those.
+    """Indices of poses in `order` that differ from every earlier one by at least `apart_mm`; at most `most`.
+
+    T : (h, 4, 4); order : (h,) indices, best first; probes : (k, 3) mm, source points over which the RMS
+    difference is taken; symmetries : (4, 4) each, of the target. A pose equivalent to an earlier one by a
+    symmetry is dropped too.
     """
     placed = rigid.transformed(T[order], probes)
     taken = np.zeros((0, *probes.shape))
@@ -119,14 +136,17 @@ def distinct(
             kept.append(number)
             if len(kept) == most:
                 break
-            alike = [placed[number], *(rigid.transformed(image, placed[number]) for image in images)]
-            taken = np.concatenate([taken, alike])
+            equivalent = [placed[number], *(rigid.transformed(each, placed[number]) for each in symmetries)]
+            taken = np.concatenate([taken, equivalent])
     return order[np.array(kept, dtype=np.int64)]
 
 
 def perturb(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> FloatArray:
-    """(12 m, 4, 4) the pose T (4, 4) after a slide along and a turn about each principal axis of the placed `points`, to
-    either side, each by every one of the m `moved_mm` (RMS over the points).
+    """(12 m, 4, 4) the pose T (4, 4) followed by a translation along, or a rotation about, each principal
+    axis.
+
+    points : (k, 3) mm, source frame; the axes are those of the points under T. moved_mm : m displacements
+    (RMS over the points), each made in both directions.
     """
     placed = rigid.transformed(T, points)
     mean, axes = _axes(placed)
@@ -145,7 +165,7 @@ def perturb(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> Flo
 
 
 def iterate_motion(step: FloatArray, most: int) -> FloatArray:
-    """(2 most, 4, 4) the motion `step` (4, 4) made once, twice, ..., `most` times, forth and back."""
+    """(2 most, 4, 4) the powers 1 ... `most` of the motion `step` (4, 4), then those of its inverse."""
     found = []
     for each in (step, rigid.inverse(step)):
         T = np.eye(4)

@@ -1,4 +1,6 @@
-"""What pymeshlab and fast_simplification do for us, array in, array out: repair, isotropic remeshing, decimation."""
+"""What pymeshlab and fast_simplification do for us, array in, array out: repair, isotropic remeshing,
+decimation.
+"""
 
 import fast_simplification
 import numpy as np
@@ -15,13 +17,16 @@ FILTERS = (
 
 MANY_FACES = 200_000  # viewers choke on more, and remeshing to thousands of vertices needs no more
 
-# Of fast_simplification's 0 to 10: at 5 a smooth scan of a million triangles came out with edges of three triangles.
+# Of fast_simplification's 0 to 10: at 5 a smooth scan of a million triangles came out with edges of three
+# triangles.
 CAREFUL, BOLD = 3, 5
-ROUGH_DEG = 10.0  # of triangles against the surface at their corners: the noise is as large as the triangles
+# of triangles against the surface at their corners: the noise is as large as the triangles
+ROUGH_DEG = 10.0
 
 
 def assert_filters() -> None:
-    """Fail at start-up, not in a job: without the system library `libopengl0` pymeshlab silently lacks filters.
+    """Fail at start-up, not in a job: without the system library `libopengl0` pymeshlab silently lacks
+    filters.
 
     Raises
     ------
@@ -39,7 +44,8 @@ def repair_non_manifold_edges(mesh: Mesh) -> tuple[IntArray, IndexArray]:
 
     Returns
     -------
-    faces : (m', 3) over kept vertices; old_of_new : (n',) with `mesh.vertices[old_of_new]` the kept vertices
+    faces : (m', 3) over kept vertices; old_of_new : (n',) with `mesh.vertices[old_of_new]` the kept
+    vertices
     """
     return _tracked(mesh, "meshing_repair_non_manifold_edges", method="Remove Faces")
 
@@ -50,7 +56,9 @@ def orient_coherently(mesh: Mesh) -> tuple[IntArray, IndexArray]:
 
 
 def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
-    """Triangles of nearly equal edges of `edge_mm` on the same surface; creases sharper than 30 degrees stay."""
+    """Triangles of nearly equal edges of `edge_mm` on the same surface; creases sharper than 30 degrees
+    stay.
+    """
     meshes = _meshset(mesh)
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=iterations, targetlen=pymeshlab.PureValue(edge_mm), featuredeg=30, checksurfdist=False
@@ -59,11 +67,13 @@ def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
 
 
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:
-    """About `n_faces` triangles, up to twice as many where the surface is smooth everywhere, by quadric edge collapse
-    (Forstmann's: ten times faster than pymeshlab's; corners of open borders are cut a little). No edge has three.
+    """About `n_faces` triangles, up to twice as many where the surface is smooth everywhere, by quadric
+    edge collapse (Forstmann's: ten times faster than pymeshlab's; corners of open borders are cut a
+    little). No edge has three.
 
-    A scan whose noise is as large as its triangles is taken boldly: to the careful every collapse costs the noise, it stops
-    at two thirds of a million triangles. The handful of edges of three that boldness leaves are cut open.
+    A scan whose noise is as large as its triangles is taken boldly: to the careful every collapse costs
+    the noise, it stops at two thirds of a million triangles. The handful of edges of three that boldness
+    leaves are cut open.
     """
     if roughness_deg(mesh) <= ROUGH_DEG:
         return _simplified(mesh, n_faces, CAREFUL)

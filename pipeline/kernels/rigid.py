@@ -1,4 +1,4 @@
-"""Rigid motions as 4 x 4 matrices: `T_target_source @ p_source`."""
+"""Rigid motions as 4 x 4 homogeneous matrices: `p_target = T_target_source @ p_source`. Lengths in mm."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from pipeline.core.mesh import FloatArray
 
 
 def transformed(T_target_source: FloatArray, points: FloatArray) -> FloatArray:
-    """points : (k, 3) under one motion (4, 4), or under each of (h, 4, 4), which gives (h, k, 3)."""
+    """`points` (k, 3) under one motion (4, 4): (k, 3); or under each of (h, 4, 4): (h, k, 3)."""
     R, t = T_target_source[..., :3, :3], T_target_source[..., None, :3, 3]
     return rotated(R, points) + t
 
 
 def rotated(R: FloatArray, vectors: FloatArray) -> FloatArray:
-    """vectors : (k, 3) under one rotation (3, 3), or under each of (h, 3, 3), which gives (h, k, 3)."""
+    """`vectors` (k, 3) under one rotation (3, 3): (k, 3); or under each of (h, 3, 3): (h, k, 3)."""
     flat = np.ascontiguousarray(R).reshape(-1, 3) @ vectors.T  # one product for all poses
     return np.swapaxes(flat.reshape(*R.shape[:-2], 3, len(vectors)), -1, -2)
 
@@ -33,13 +33,14 @@ def rotation_about(R: FloatArray, centre: FloatArray, image: FloatArray | None =
 
 
 def inverse(T: FloatArray) -> FloatArray:
+    """(..., 4, 4) the inverse motions of T (..., 4, 4)."""
     R, t = T[..., :3, :3], T[..., :3, 3]
     back = np.swapaxes(R, -1, -2)
     return compose(back, -np.einsum("...ij,...j->...i", back, t))
 
 
 def from_vector(x: FloatArray) -> FloatArray:
-    """(h, 4, 4) exact motion of small rotation vectors and translations, x : (h, 6) = (rotation, translation)."""
+    """(h, 4, 4) motions of rotation vectors (radians) and translations, x : (h, 6), by Rodrigues' formula."""
     angle = np.linalg.norm(x[:, :3], axis=1)
     axis = x[:, :3] / np.maximum(angle, 1e-300)[:, None]
     K = np.zeros((len(x), 3, 3))
@@ -50,16 +51,17 @@ def from_vector(x: FloatArray) -> FloatArray:
 
 
 def orthonormal(T: FloatArray) -> FloatArray:
-    """The nearest proper rigid motion: what rounding added over many products is taken out."""
+    """(4, 4) the nearest proper rigid motion to T (4, 4): removes the rounding error of many products."""
     u, _, vt = np.linalg.svd(T[:3, :3])
     u[:, 2] *= np.sign(np.linalg.det(u @ vt))
     return compose(u @ vt, T[:3, 3])
 
 
 def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-    """T_target_source of least weighted squares between corresponding points (Kabsch 1976, Umeyama 1991).
+    """(4, 4) T_target_source, the weighted least-squares motion between corresponding points.
 
-    source, target : (k, 3), k >= 3 and not on one line, else the rotation about that line is arbitrary.
+    source, target : (k, 3), k >= 3; weights : (k,) >= 0, default equal. For points on one line the
+    rotation about that line is arbitrary. Kabsch (1976); Umeyama (1991), without scale.
     """
     w = np.full(len(source), 1.0 / len(source)) if weights is None else weights / weights.sum()
     source_mean, target_mean = np.einsum("k,kd->d", w, source), np.einsum("k,kd->d", w, target)
@@ -71,13 +73,15 @@ def fit(source: FloatArray, target: FloatArray, weights: FloatArray | None = Non
 
 
 def angle_deg(T: FloatArray) -> float:
-    """Rotation angle, 0 to 180: accurate near both ends."""
+    """Rotation angle of T (4, 4) in degrees, 0 to 180; accurate near both ends."""
     R = T[:3, :3]
     sine = 0.5 * float(np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
     return float(np.degrees(np.arctan2(sine, 0.5 * (np.trace(R) - 1))))
 
 
 def rms_displacement(T_a: FloatArray, T_b: FloatArray, points: FloatArray) -> float:
-    """How far apart two motions put the same points: the pose difference in mm."""
+    """RMS distance in mm between `points` (k, 3) under T_a and under T_b (4, 4): the difference of two
+    poses.
+    """
     difference = transformed(T_a, points) - transformed(T_b, points)
     return float(np.sqrt((difference**2).sum(axis=-1).mean()))

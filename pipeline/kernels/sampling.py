@@ -17,7 +17,9 @@ class Samples:
 
 
 def on_surface(mesh: Mesh, count: int, seed: int) -> Samples:
-    """Systematic sampling: equal steps through the cumulated area from a random start, random inside a triangle."""
+    """Systematic sampling: equal steps through the cumulated area from a random start, random inside a
+    triangle.
+    """
     rng = np.random.default_rng(seed)
     areas = mesh.face_areas_mm2()
     steps = (np.arange(count) + rng.random()) / count * areas.sum()
@@ -31,7 +33,9 @@ def on_surface(mesh: Mesh, count: int, seed: int) -> Samples:
 
 
 def farthest(points: FloatArray, count: int) -> IndexArray:
-    """Farthest-point sampling: each next point is the farthest from those taken; starts farthest from the mean."""
+    """Farthest-point sampling: each next point is the farthest from those taken; starts farthest from the
+    mean.
+    """
     count = min(count, len(points))
     distance = np.linalg.norm(points - points.mean(axis=0), axis=1)
     taken = np.zeros(count, dtype=np.int64)

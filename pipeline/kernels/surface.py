@@ -1,9 +1,10 @@
-"""Closest points on a triangle surface, and on which side of it a point lies.
+"""Closest points and signed distances on a triangle surface.
 
-Which triangle is closest is asked of open3d's ray-casting scene (embree, single precision); the closest point
-on that triangle is then computed in double precision (`native/closest.cpp`), so a wrong neighbour can be taken only where two
-triangles are equally far to about 1e-7 of the part's size. The sign follows Baerentzen & Aanaes, "Signed
-distance computation using the angle weighted pseudonormal" (2005): right at edges and vertices too.
+open3d's ray-casting scene (Embree, single precision) finds the closest triangle. The closest point on that
+triangle is then computed in double precision (`native/closest.cpp`). So a neighbouring triangle can be
+selected only where two triangles are equally far away to about 1e-7 of the part's size. The sign follows
+Baerentzen & Aanaes, "Signed distance computation using the angle weighted pseudonormal" (2005), which is
+correct at edges and vertices too.
 """
 
 import os
@@ -20,8 +21,11 @@ from pipeline.kernels.native import core
 
 @dataclass(frozen=True, slots=True)
 class Closest:
-    """point : (k, 3) on the surface; face : (k,) int64; weights : (k, 3) barycentric, exactly 0 off the closest feature: two
-    zeros at a vertex, one on an edge, none inside; distance : (k,) >= 0; normal : (k, 3) unit, of the face
+    """Closest points of k queries.
+
+    point : (k, 3) mm, on the surface; face : (k,) int64, its triangle; weights : (k, 3) barycentric
+    coordinates, with two exact zeros at a vertex, one on an edge and none inside; distance : (k,) mm, >= 0;
+    normal : (k, 3) unit normal of the triangle
     """
 
     point: FloatArray
@@ -31,15 +35,18 @@ class Closest:
     normal: FloatArray
 
 
-MANY_POINTS = 1_000  # from here on threads are worth their start
+#: Queries from which starting threads pays off; affects run time only.
+MANY_POINTS = 1_000
 
 
 class Surface:
-    """A triangle surface to ask for closest points; built once, asked often."""
+    """A triangle surface prepared for many closest-point and ray queries. All coordinates are in the mesh
+    frame, mm.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        # Single precision is relative to the origin, so the part is moved there first.
+        # Single precision is relative to the origin, so the part is centred first.
         self._centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         self._scene.add_triangles(
@@ -60,20 +67,22 @@ class Surface:
 
     @cached_property
     def vertex_normals(self) -> FloatArray:
-        """(n, 3) not normalised: the sum of the faces' normals by angle."""
+        """(n, 3) angle-weighted sums of the normals of the adjacent triangles; not normalised."""
         return self._normals_at(np.arange(len(self.mesh.faces)))
 
-    def _normals_at(self, some: IndexArray) -> FloatArray:
-        """(n, 3) the sum by angle of the normals of `some` (k,) faces only."""
-        found = np.zeros_like(self.mesh.vertices)
-        angles = corner_angles(self.mesh.vertices[self.mesh.faces[some]])
-        np.add.at(found, self.mesh.faces[some], angles[:, :, None] * self._face_normals[some, None, :])
-        return found
+    def _normals_at(self, selected: IndexArray) -> FloatArray:
+        """(n, 3) angle-weighted sums of the normals of the `selected` (k,) triangles only."""
+        normals = np.zeros_like(self.mesh.vertices)
+        angles = corner_angles(self.mesh.vertices[self.mesh.faces[selected]])
+        np.add.at(
+            normals, self.mesh.faces[selected], angles[:, :, None] * self._face_normals[selected, None, :]
+        )
+        return normals
 
     def closest(self, points: FloatArray) -> Closest:
-        """points : (k, 3)."""
+        """The closest point of the surface for each of `points` (k, 3), mm."""
         query = o3d.core.Tensor((points - self._centre).astype(np.float32))
-        # Each answer is its own: threads change none of them.
+        # Queries are independent: the number of threads changes no result.
         threads = 1 if len(points) < MANY_POINTS else len(os.sched_getaffinity(0))
         face = (
             self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"]
@@ -85,50 +94,53 @@ class Surface:
         )
         return Closest(point, face, weights, distance, self._face_normals[face])
 
-    def signed_distance(self, points: FloatArray, found: Closest) -> FloatArray:
-        """(k,) `found.distance`, negative where the point lies behind the surface (inside a closed one)."""
-        side = np.einsum("kd,kd->k", points - found.point, self._pseudonormal(found))
-        return np.where(side < 0, -found.distance, found.distance)
+    def signed_distance(self, points: FloatArray, closest: Closest) -> FloatArray:
+        """(k,) mm: `closest.distance`, negative behind the surface (inside a closed one).
 
-    def blocks(self, starts: FloatArray, directions: FloatArray) -> BoolArray:
-        """(k,) whether a ray from `starts` (k, 3) along `directions` (k, 3) meets the surface."""
+        points : (k, 3) mm; closest : the result of `closest(points)`
+        """
+        side = np.einsum("kd,kd->k", points - closest.point, self._pseudonormal(closest))
+        return np.where(side < 0, -closest.distance, closest.distance)
+
+    def intersects_rays(self, starts: FloatArray, directions: FloatArray) -> BoolArray:
+        """(k,) whether the ray from `starts` (k, 3) mm along `directions` (k, 3) hits the surface."""
         rays = o3d.core.Tensor(np.concatenate([starts - self._centre, directions], axis=1).astype(np.float32))
         threads = 1 if len(starts) < MANY_POINTS else len(os.sched_getaffinity(0))
         return np.asarray(self._scene.test_occlusions(rays, nthreads=threads).numpy(), dtype=np.bool_)
 
-    def on_open_border(self, found: Closest) -> BoolArray:
-        """(k,) whether the closest point lies on an edge that has one triangle only."""
+    def on_open_border(self, closest: Closest) -> BoolArray:
+        """(k,) whether the closest point lies on an open border (an edge with one triangle)."""
         border_edge = self._edges.count == 1
         border_vertex = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
         border_vertex[self._edges.ends[border_edge].ravel()] = True
-        zero = found.weights == 0
+        zero = closest.weights == 0
         at_vertex = zero.sum(axis=1) == 2
-        corner = self.mesh.faces[found.face, found.weights.argmax(axis=1)]
-        opposite = self._edges.of_face[found.face, zero.argmax(axis=1)]
+        corner = self.mesh.faces[closest.face, closest.weights.argmax(axis=1)]
+        opposite = self._edges.of_face[closest.face, zero.argmax(axis=1)]
         at_edge = zero.sum(axis=1) == 1
-        found_on_border: BoolArray = (at_vertex & border_vertex[corner]) | (at_edge & border_edge[opposite])
-        return found_on_border
+        on_border: BoolArray = (at_vertex & border_vertex[corner]) | (at_edge & border_edge[opposite])
+        return on_border
 
-    def _pseudonormal(self, found: Closest) -> FloatArray:
-        """(k, 3) not normalised: of the face, the sum over an edge's faces, or a vertex's faces by angle."""
-        normal = found.normal.copy()
-        zero = found.weights == 0
+    def _pseudonormal(self, closest: Closest) -> FloatArray:
+        """(k, 3) angle-weighted pseudonormals (Baerentzen & Aanaes, 2005, section 3); not normalised."""
+        normal = closest.normal.copy()
+        zero = closest.weights == 0
         at_edge = np.flatnonzero(zero.sum(axis=1) == 1)
         if at_edge.size:
-            asked = self._edges.of_face[found.face[at_edge], zero[at_edge].argmax(axis=1)]
-            edges, of_asked = np.unique(asked, return_inverse=True)
+            queried = self._edges.of_face[closest.face[at_edge], zero[at_edge].argmax(axis=1)]
+            edges, of_query = np.unique(queried, return_inverse=True)
             number = np.full(len(self._edges.ends), -1)
             number[edges] = np.arange(len(edges))
             face, corner = np.nonzero(number[self._edges.of_face] >= 0)
             of_edge = np.zeros((len(edges), 3))
             np.add.at(of_edge, number[self._edges.of_face[face, corner]], self._face_normals[face])
-            normal[at_edge] = of_edge[of_asked]
+            normal[at_edge] = of_edge[of_query]
         at_vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         if at_vertex.size:
-            vertex = self.mesh.faces[found.face[at_vertex], found.weights[at_vertex].argmax(axis=1)]
-            is_asked = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
-            is_asked[vertex] = True
-            normal[at_vertex] = self._normals_at(np.flatnonzero(is_asked[self.mesh.faces].any(axis=1)))[
+            vertex = self.mesh.faces[closest.face[at_vertex], closest.weights[at_vertex].argmax(axis=1)]
+            is_queried = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
+            is_queried[vertex] = True
+            normal[at_vertex] = self._normals_at(np.flatnonzero(is_queried[self.mesh.faces].any(axis=1)))[
                 vertex
             ]
         return normal

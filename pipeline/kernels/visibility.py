@@ -1,8 +1,9 @@
-"""Could a scanner have seen these points, with the design where the pose puts it?
+"""Occlusion test of a pose: could a scanner have seen the scan's points past the design?
 
-A scanner sees a point along a straight line that nothing crosses. The lines are not in the file, but each point was seen
-from somewhere on the outer side of its surface: a pose that buries it behind the design on all sides is spoken against. A
-scan of one view is stricter: all of it was seen from one direction.
+A scanner sees a point along an unobstructed line of sight. The file does not contain these lines, but each
+point was seen from the outer side of its surface. A pose is implausible if the design blocks every direction
+from which a point may have been seen. A scan from a single viewpoint gives a stricter test: all of its points
+were seen from about one direction.
 """
 
 from dataclasses import dataclass
@@ -14,22 +15,37 @@ from pipeline.core.mesh import FloatArray
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 
-ONE_VIEW = 0.97  # share of the normals on one side of their mean: a depth camera's picture
-CONE_DEG = 20.0  # how well the mean normal tells where the camera was
-TILTS_DEG = (0.0, 30.0, 60.0)  # around each normal where the scanner went round the part
+#: Min share of the normals that make an angle below 90 degrees with their mean, for the scan to count as
+#: taken from a single viewpoint (depth camera). Chosen by hand; not fitted.
+ONE_VIEW = 0.97
+#: Half angle in degrees of the cone around the mean normal that contains the camera. Chosen by hand; not
+#: fitted.
+CONE_DEG = 20.0
+#: Angles in degrees between the normal and the directions tried, if the scanner moved around the part.
+#: Chosen by hand; not fitted.
+TILTS_DEG = (0.0, 30.0, 60.0)
+#: Directions tried at each angle other than zero, evenly spaced around the normal. Chosen by hand; not
+#: fitted.
 AROUND = 6
 
 
 @dataclass(frozen=True, slots=True)
 class ViewModel:
-    """points : (k, 3) of the scan; directions : (k, d, 3) unit, from where each may have been seen"""
+    """Directions from which the scanner may have seen each point.
+
+    points : (k, 3) mm, scan frame; directions : (k, d, 3) unit vectors from the point towards the scanner
+    """
 
     points: FloatArray
     directions: FloatArray
 
     @classmethod
     def of(cls, points: FloatArray, normals: FloatArray) -> "ViewModel":
-        """normals : (k, 3), outward."""
+        """The view model of a scan.
+
+        points : (k, 3) mm, scan frame; normals : (k, 3) unit, outward. The normals decide whether the scan
+        was taken from a single viewpoint.
+        """
         mean = normals.sum(axis=0)
         mean = mean / max(float(np.linalg.norm(mean)), 1e-300)
         if float((normals @ mean > 0).mean()) >= ONE_VIEW:
@@ -38,25 +54,30 @@ class ViewModel:
         return cls(points, _cone(normals, TILTS_DEG))
 
     def occlusion_ratio(self, T_design_scan: FloatArray, design: Surface, clearance_mm: float) -> float:
-        """Share of the points that the design hides from every direction.
+        """Share of the points, in [0, 1], that the design occludes in every direction.
 
-        clearance_mm : lines start so far from the point, so that it does not hide itself.
+        T_design_scan : (4, 4); design : in its own frame; clearance_mm : distance from the point at which its
+        lines of sight start, so that the design's own surface at the point does not occlude it
         """
         placed = rigid.transformed(T_design_scan, self.points)
-        turned = self.directions @ T_design_scan[:3, :3].T
-        starts = placed[:, None] + clearance_mm * turned
-        blocked = design.blocks(starts.reshape(-1, 3), turned.reshape(-1, 3)).reshape(starts.shape[:2])
-        return float(blocked.all(axis=1).mean())
+        rotated = self.directions @ T_design_scan[:3, :3].T
+        starts = placed[:, None] + clearance_mm * rotated
+        occluded = design.intersects_rays(starts.reshape(-1, 3), rotated.reshape(-1, 3)).reshape(
+            starts.shape[:2]
+        )
+        return float(occluded.all(axis=1).mean())
 
 
 def _cone(axes: FloatArray, tilts_deg: tuple[float, ...]) -> FloatArray:
-    """(k, d, 3) directions tilted from each of `axes` (k, 3), `AROUND` of every tilt but zero."""
-    first = np.eye(3)[np.abs(axes).argmin(axis=1)]  # the coordinate axis farthest from it
-    across = np.cross(axes, first)
+    """(k, d, 3) unit vectors around `axes` (k, 3, unit): `AROUND` at each angle of `tilts_deg`, one at angle
+    0.
+    """
+    coordinate_axis = np.eye(3)[np.abs(axes).argmin(axis=1)]  # the coordinate axis farthest from it
+    across = np.cross(axes, coordinate_axis)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-    found = []
+    directions = []
     for tilt in tilts_deg:
         for number in range(AROUND if tilt else 1):
-            turn = Rotation.from_rotvec(2 * np.pi * number / AROUND * axes).apply(across)
-            found.append(np.cos(np.radians(tilt)) * axes + np.sin(np.radians(tilt)) * turn)
-    return np.stack(found, axis=1)
+            sideways = Rotation.from_rotvec(2 * np.pi * number / AROUND * axes).apply(across)
+            directions.append(np.cos(np.radians(tilt)) * axes + np.sin(np.radians(tilt)) * sideways)
+    return np.stack(directions, axis=1)

@@ -1,7 +1,8 @@
 """Deviation in colours: blue where material is missing, red where there is too much, grey where it fits.
 
-The diverging map of Moreland, "Diverging Color Maps for Scientific Visualization" (2009): in Msh space, so that equal steps
-look equal, symmetric about zero, without the rainbow's false edges; told apart by people who see colours differently.
+The diverging map of Moreland, "Diverging Color Maps for Scientific Visualization" (2009): in Msh space, so
+that equal steps look equal, symmetric about zero, without the rainbow's false edges; told apart by people who
+see colours differently.
 """
 
 from dataclasses import dataclass
@@ -24,14 +25,18 @@ _XYZ_OF_RGB = np.array(
 
 @dataclass(frozen=True, slots=True)
 class ColourScale:
-    """limit_mm : deviations beyond it have the end colours; tolerance_mm : within it all is the middle, None: nothing is"""
+    """limit_mm : deviations beyond it have the end colours; tolerance_mm : within it all is the middle, None:
+    nothing is
+    """
 
     limit_mm: float
     tolerance_mm: float | None
 
     @classmethod
     def of(cls, signed_mm: FloatArray, counted: BoolArray, tolerance_mm: float | None) -> "ColourScale":
-        """99 % of what is counted lies within the limit, a round number; with a tolerance at least twice that."""
+        """99 % of what is counted lies within the limit, a round number; with a tolerance at least twice
+        that.
+        """
         sizes = np.abs(signed_mm[counted])
         needed = float(np.quantile(sizes, LIMIT_QUANTILE)) if sizes.size else 0.0
         return cls(round_up(max(needed, 2 * (tolerance_mm or 0.0))), tolerance_mm)

@@ -1,4 +1,5 @@
-"""The picture of density peaks: delta over rho (Rodriguez & Laio 2014, figure 1B), one point a working vertex.
+"""The picture of density peaks: delta over rho (Rodriguez & Laio 2014, figure 1B), one point a working
+vertex.
 
 matplotlib is imported when a picture is drawn, its object interface only: no global figure, no display.
 """
@@ -56,7 +57,8 @@ def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) 
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=SIZE_INCH)
-    # Fixed margins: a layout engine draws everything once more to measure it, which takes longer than the drawing.
+    # Fixed margins: a layout engine draws everything once more to measure it, which takes longer than the
+    # drawing.
     axes = figure.subplots(gridspec_kw=MARGINS)
     delta = _above_zero(segmentation.delta)
     _draw_vertices(axes, segmentation, delta)
@@ -139,8 +141,8 @@ def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, 
 
 
 def label_offsets(at_pt: FloatArray) -> FloatArray:
-    """(k, 2) where to put the middle of each number from its disc at `at_pt` (k, 2), greedily: the nearest of the
-    places around it that hides no disc and no number placed before, or the one that hides least.
+    """(k, 2) where to put the middle of each number from its disc at `at_pt` (k, 2), greedily: the nearest of
+    the places around it that hides no disc and no number placed before, or the one that hides least.
     """
     angles = np.arange(12) * np.pi / 6
     rings = [

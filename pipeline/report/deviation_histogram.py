@@ -1,5 +1,7 @@
-"""The picture of all deviations, `deviation_histogram.svg`: share of the scanned area by signed distance, in the colours of
-the other files. matplotlib is imported when it is drawn, its object interface only.
+"""`deviation_histogram.svg`: share of the scanned area by signed distance, in the colours of the deviation
+files.
+
+matplotlib is imported when the histogram is drawn, and only its object interface is used.
 """
 
 from pathlib import Path
@@ -9,8 +11,10 @@ import numpy as np
 from pipeline.core.mesh import FloatArray
 from pipeline.core.results import Deviation
 from pipeline.report.colormap import ColourScale
+from pipeline.report.numbers import fixed, signed
 
-BINS = 81  # odd: one stands on zero
+#: Bars of the histogram; odd, so that one is centred on zero.
+BINS = 81
 SIZE_INCH = (7.2, 3.2)
 MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
 
@@ -18,7 +22,7 @@ MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
 def write(
     path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale
 ) -> None:
-    """weights : (n,) area of each counted vertex, 0 for the others"""
+    """Write the SVG. signed_mm : (n,) mm; weights : (n,) area of each counted vertex, 0 for the others."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -28,7 +32,7 @@ def write(
         figure = Figure(figsize=SIZE_INCH)
         axes = figure.subplots(gridspec_kw=MARGINS)
         edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)
-        inside = np.clip(signed_mm, edges[0], edges[-1])  # what lies beyond stands in the last bars
+        inside = np.clip(signed_mm, edges[0], edges[-1])  # values beyond the limits go to the last bars
         share, _ = np.histogram(inside, edges, weights=weights)
         middles = (edges[:-1] + edges[1:]) / 2
         colours = scale.colours(middles)
@@ -40,7 +44,7 @@ def write(
             edgecolor="0.35",
             linewidth=0.3,
         )
-        for position, words in (
+        for position, label in (
             (summary.p05_mm, "5 %"),
             (summary.p50_mm, "median"),
             (summary.p95_mm, "95 %"),
@@ -48,7 +52,7 @@ def write(
             if abs(position) < scale.limit_mm:
                 axes.axvline(position, color="0.2", linewidth=0.8, linestyle=":")
                 axes.annotate(
-                    words,
+                    label,
                     (position, 0.985),
                     xycoords=("data", "axes fraction"),
                     rotation=90,
@@ -60,10 +64,11 @@ def write(
             for side in (-1, 1):
                 axes.axvline(side * scale.tolerance_mm, color="black", linewidth=1.0)
         axes.set_xlim(edges[0], edges[-1])
-        axes.set_xlabel("deviation [mm]: < 0 material is missing, > 0 too much")
+        axes.set_xlabel("deviation [mm]: < 0 missing material, > 0 excess material")
         axes.set_ylabel("share of the area [%]")
         axes.set_title(
-            f"mean {summary.mean_mm:+.3f} mm, SD {summary.sd_mm:.3f} mm, RMS {summary.rms_mm:.3f} mm",
+            f"mean {signed(summary.mean_mm)} mm, SD {fixed(summary.sd_mm)} mm, "
+            f"RMS {fixed(summary.rms_mm)} mm",
             loc="left",
             fontsize=10,
         )

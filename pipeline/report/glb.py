@@ -1,4 +1,4 @@
-"""glTF binaries to look at: in metres as glTF asks, decimated where a viewer would choke, coloured at the vertices."""
+"""glTF binaries for viewers: in metres (required by glTF), decimated if too large, with vertex colours."""
 
 from functools import cached_property
 from pathlib import Path
@@ -11,14 +11,17 @@ from pipeline.kernels import remesh
 from pipeline.kernels.nearest import nearest
 
 M_PER_MM = 1e-3
-BALL_SHARE = 0.006  # radius of a landmark's ball, of the diagonal
+#: Radius of the sphere at a landmark over the diagonal of the mesh.
+BALL_SHARE = 0.006
 BALL_COLOUR = (25, 25, 25)
 NOT_COUNTED = 1e31  # glTF has no NaN
 
 
 class DisplayMesh:
-    """A mesh as viewers get it: at most about `remesh.MANY_FACES` triangles of nearly the same surface. Made when first
-    asked for, then shared by all that show the mesh; full : as it is; light : that mesh, where another stage made it
+    """A mesh as it is displayed: at most about `remesh.MANY_FACES` triangles of nearly the same surface.
+
+    full : the original mesh; reduced : a decimated version, if another stage already made one. The mesh is
+    decimated on first use and then shared.
     """
 
     def __init__(self, full: Mesh, reduced: Mesh | None = None) -> None:
@@ -61,7 +64,8 @@ def write_glb(
 ) -> None:
     """One node `surface`, and one `landmarks` of small balls where `landmarks_mm` is given.
 
-    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`, `NOT_COUNTED` for NaN
+    deviation_mm : (n,) of each vertex, NaN where it is not counted: the attribute `_DEVIATION_MM`,
+    `NOT_COUNTED` for NaN
     """
     import trimesh
 

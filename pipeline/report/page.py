@@ -1,7 +1,8 @@
-"""`report.html`: one file that says what a job found to whoever stands at the machine. No script, nothing from elsewhere, and
-the same bytes for the same input: it has no date and no timings. Printed, it is A4 with numbered pages.
+"""`report.html`: the result of a job as one self-contained page, without scripts or external resources.
 
-In order: may the pose be trusted, what needs a look, the figures, the deviation in colours; then what they rest on.
+The same input gives the same bytes: the page contains no date and no timings. It prints on A4 with page
+numbers. Order: verdict on the pose, warnings, key figures, colour map of the deviation; then the supporting
+data.
 """
 
 from collections.abc import Sequence
@@ -22,27 +23,38 @@ from pipeline.core.results import (
     Verdict,
 )
 from pipeline.report import tables
+from pipeline.report.numbers import fixed, millimetres, percent, signed
 from pipeline.report.render import MARGIN, View, four_views, picture
 from pipeline.report.sections import Drawing, Pictures, Section
 
+#: Width and height of a rendered view.
 PICTURE_PX = (520, 380)
 MEANING = {
-    "ok": "The pose is found and no other explains the scan as well. Whether the print is good, the figures below say.",
-    "ambiguous": "More than one pose explains the scan as well: which one is right cannot be told. Do not use the pose unchecked.",
-    "under_constrained": "The part can slide or turn along itself without the fit getting worse: the pose is one of a continuum. "
-    "Do not use it unchecked.",
-    "units_suspect": "The scan fits only when its numbers are taken in another unit. Send it again with the right unit.",
-    "mirrored": "The scan is the mirror image of the design. There is no pose to stand by, and no deviation is reported.",
-    "no_match": "The scan does not fit the design anywhere: another part, too little of it, or a print or scan that failed. "
-    "No pose and no deviation are reported.",
+    "ok": "The alignment is valid and unique. The figures below describe the quality of the print.",
+    "ambiguous": "Several poses fit the scan equally well, and the data do not show which is correct. "
+    "Check the pose before you use it.",
+    "under_constrained": "The part can move along at least one degree of freedom without a worse fit: "
+    "the pose is one of a continuum. Check it before you use it.",
+    "units_suspect": "The scan fits the design only in another unit of length. "
+    "Submit it again with the correct unit.",
+    "mirrored": "The scan is the mirror image of the design. "
+    "No valid alignment was found, and no deviation is reported.",
+    "no_match": "No valid alignment was found: the scan may show another part, too small a region of "
+    "the part, "
+    "or a failed print or scan. No pose and no deviation are reported.",
 }
+#: Digits of an input's SHA-256 in the footer.
+HASH_DIGITS = 12
+#: Style of the verdict box by status; "bad" for the others.
 MOODS = {"ok": "good", "ambiguous": "warn", "under_constrained": "warn", "units_suspect": "warn"}
 
 
 @dataclass(frozen=True, slots=True)
 class PageViews:
-    """What a registration's page shows of its meshes. placed : the scan under its pose, or under the best that was rejected;
-    None where it has no distances; parts : both with segments and landmarks; sizes : of both, in words
+    """The rendered views of a registration.
+
+    placed : the scan under its pose, or under the best rejected pose; None if no distances were measured;
+    parts : both meshes with segments and landmarks; sizes : one sentence about the sizes of both
     """
 
     placed: Pictures | None
@@ -53,8 +65,10 @@ class PageViews:
 def render_views(
     mesh: Mesh, colours: FloatArray, like: Mesh, *, count: int = 4, landmarks_mm: FloatArray | None = None
 ) -> list[tuple[str, bytes]]:
-    """Pictures from the sides of `like`, which is in the same frame, all of both in the frame; captions say how wide
-    they are in mm. landmarks_mm : dots
+    """(caption, PNG) of the first `count` of the four views of `like`, with both meshes inside the picture.
+
+    colours : (n, 3) in [0, 1] of the vertices of `mesh`; like : a mesh in the same frame, which defines the
+    view directions; landmarks_mm : (m, 3), drawn as dots. The caption gives the width of the picture in mm.
     """
     frame = like.vertices if mesh is like else np.concatenate([like.vertices, mesh.vertices])
     return [
@@ -67,51 +81,51 @@ def render_views(
 
 
 def _width_mm(view: View, frame: FloatArray) -> float:
-    """What `picture` fits into its width."""
+    """The extent in mm that `picture` fits into the width of the picture."""
     width, height = np.ptp(frame @ view.axes[:2].T, axis=0)
     return float(MARGIN * max(width, height * PICTURE_PX[0] / PICTURE_PX[1]))
 
 
 def registration(result: RegistrationResult, views: PageViews, out: Path) -> str:
     """The page of a registration; the drawings are read from `out`."""
-    found, posed = result.deviation, result.transform is not None
+    deviation, has_pose = result.deviation, result.transform is not None
     sections: list[Section] = [] if views.placed is None else [views.placed]
-    if found is not None:
+    if deviation is not None:
         sections += _drawing(out, "Histogram of the deviation", "deviation_histogram.svg")
-        sections += [tables.both_ways(found, result.deviation_of_design, result.metrics)]
-        sections += tables.by_segment(found.by_segment)
+        sections += [tables.both_ways(deviation, result.deviation_of_design, result.metrics)]
+        sections += tables.by_segment(deviation.by_segment)
     sections += tables.pose(result.transform)
     sections += [tables.registration(result)]
-    sections += tables.alternatives(result.alternatives, rejected=not posed)
+    sections += tables.alternatives(result.alternatives, rejected=not has_pose)
     sections += [views.parts]
     sections += _drawing(out, "Decision graph of the design", "design.decision_graph.svg")
     sections += _drawing(out, "Decision graph of the scan", "scan.decision_graph.svg")
     counted = (
-        f"{len(result.landmarks.design)} landmarks on the design, {len(result.landmarks.scan)} on the scan"
+        f"{len(result.landmarks.design)} landmarks on the design and {len(result.landmarks.scan)} on the scan"
     )
     return _render(
         *("Registration of a scan to its design", sections, result.warnings),
         inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
         made_by=result.provenance,
         subtitle=f"{views.sizes} {counted}, {len(result.landmarks.matches)} matched."
-        if posed
+        if has_pose
         else f"{views.sizes} {counted}.",
         verdict=result.verdict,
-        tiles=_figures(result, found),
+        tiles=_key_figures(result, deviation),
     )
 
 
-def landmarks(result: LandmarksResult, shown: Pictures, out: Path) -> str:
+def landmarks(result: LandmarksResult, pictures: Pictures, out: Path) -> str:
     """The page of a landmarks job."""
-    segments, marked = result.segments.mesh, result.landmarks.mesh
+    segments, count = result.segments.mesh, len(result.landmarks.mesh)
     drawings = _drawing(out, "Decision graph", "mesh.decision_graph.svg")
     return _render(
         "Segments and landmarks",
-        [shown, *drawings, tables.segments(segments), tables.landmarks(result)],
+        [pictures, *drawings, tables.segments(segments), tables.landmarks(result)],
         result.warnings,
         inputs={"mesh": result.provenance.inputs.mesh},
         made_by=result.provenance,
-        subtitle=f"{segments.count} segments, {len(marked)} landmarks",
+        subtitle=f"{segments.count} segments, {count} landmarks",
     )
 
 
@@ -121,25 +135,25 @@ def study(result: StudyResult, out: Path) -> str:
         *(f"Study: {result.protocol.kind}", _drawing(out, "Result", "study.svg", full=True), result.warnings),
         inputs={"mesh": result.provenance.inputs.mesh},
         made_by=result.provenance,
-        subtitle="What landmarks are worth for registration",
+        subtitle="How useful the landmarks are for registration",
         paragraph=result.summary,
     )
 
 
-def _figures(result: RegistrationResult, found: Deviation | None) -> list[tuple[str, str]]:
-    """(what, figure) of the deviation, with the share within the tolerance first: it decides."""
-    if found is None:
+def _key_figures(result: RegistrationResult, deviation: Deviation | None) -> list[tuple[str, str]]:
+    """(label, value) of the deviation; the share within the tolerance comes first."""
+    if deviation is None:
         return []
-    seen = result.metrics.design_coverage
     within = []
-    if found.within is not None and found.tolerance_mm is not None:
-        within = [(f"of the area within ±{found.tolerance_mm:g} mm", f"{found.within:.1%}")]
+    if deviation.within is not None and deviation.tolerance_mm is not None:
+        label = f"of the area within ±{deviation.tolerance_mm:g} mm"
+        within = [(label, percent(deviation.within))]
     return [
         *within,
-        ("RMS deviation", f"{found.rms_mm:.3f} mm"),
-        ("mean (SD) deviation", f"{found.mean_mm:+.3f} ({found.sd_mm:.3f}) mm"),
-        ("98 % of the area", f"{found.p01_mm:+.3f} to {found.p99_mm:+.3f} mm"),
-        ("of the design seen", "-" if seen is None else f"{seen:.0%}"),
+        ("RMS deviation", millimetres(deviation.rms_mm)),
+        ("mean (SD) deviation", f"{signed(deviation.mean_mm)} ({fixed(deviation.sd_mm)}) mm"),
+        ("98 % of the area", f"{signed(deviation.p01_mm)} to {signed(deviation.p99_mm)} mm"),
+        ("of the design covered", percent(result.metrics.design_coverage, 0)),
     ]
 
 
@@ -154,7 +168,7 @@ def _verdict(verdict: Verdict) -> dict[str, object]:
 
 
 def _drawing(out: Path, title: str, name: str, *, full: bool = False) -> list[Drawing]:
-    """Nothing where the job left no such file."""
+    """The SVG file `name` of the folder `out`; nothing if the job did not write it."""
     return [Drawing(title, (out / name).read_bytes(), full)] if (out / name).exists() else []
 
 
@@ -170,7 +184,7 @@ def _render(
     paragraph: str = "",
     tiles: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """inputs : name -> file, which the foot of each printed page names by the start of its hash"""
+    """The HTML. inputs : by name; the footer of each printed page gives the first digits of their hashes"""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -180,7 +194,7 @@ def _render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    files = ", ".join(f"{name} {given.sha256[:12]}" for name, given in inputs.items())
+    files = ", ".join(f"{name} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
     page = environment.get_template("report.html").render(
         title=title,
         subtitle=subtitle,

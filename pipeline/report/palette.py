@@ -6,8 +6,9 @@ from pipeline.core.mesh import BoolArray, FloatArray, IntArray
 from pipeline.stages.resample import Resampled
 from pipeline.stages.segmentation import Segmentation
 
-# "muted" of Paul Tol, Colour Schemes, SRON/EPS/TN/09-002 (2021): nine that people who see colours differently tell
-# apart, in an order that keeps neighbours in number far apart. Its pale grey is for what belongs nowhere.
+# "muted" of Paul Tol, Colour Schemes, SRON/EPS/TN/09-002 (2021): nine that people who see colours differently
+# tell apart, in an order that keeps neighbours in number far apart. Its pale grey is for what belongs
+# nowhere.
 _HEX = ("332288", "DDCC77", "CC6677", "44AA99", "882255", "88CCEE", "117733", "AA4499", "999933")
 PALETTE: FloatArray = np.array([[int(code[k : k + 2], 16) / 255 for k in (0, 2, 4)] for code in _HEX])
 PALE: FloatArray = np.full(3, 0xDD / 255)

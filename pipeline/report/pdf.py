@@ -1,8 +1,9 @@
-"""`report.pdf`: the page `report.html` on A4, by WeasyPrint. An option, and never a reason for a job to fail: where the
-system's text libraries are missing, the note `no_pdf` says what to install.
+"""`report.pdf`: the page `report.html` on A4, by WeasyPrint. An option, and never a reason for a job to fail:
+where the system's text libraries are missing, the note `no_pdf` says what to install.
 
-The same page gives the same bytes: WeasyPrint writes no date unless a page asks for one, names fonts by what they are, and
-HarfBuzz cuts them without the time stamp that its other way of cutting (fontTools) leaves in them.
+The same page gives the same bytes: WeasyPrint writes no date unless a page asks for one, names fonts by what
+they are, and HarfBuzz cuts them without the time stamp that its other way of cutting (fontTools) leaves in
+them.
 """
 
 import io

@@ -1,4 +1,6 @@
-"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded by numpy."""
+"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded
+by numpy.
+"""
 
 import io
 from dataclasses import dataclass
@@ -33,7 +35,9 @@ class View:
 
 
 def four_views(mesh: Mesh) -> list[View]:
-    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the file's."""
+    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the
+    file's.
+    """
     weights = mesh.weights()
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
     _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))
@@ -58,8 +62,9 @@ def picture(
     *,
     landmarks_mm: FloatArray | None = None,
 ) -> bytes:
-    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture; landmarks_mm : (m, 3)
-    points on the surface, dots where they are not hidden"""
+    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture;
+    landmarks_mm : (m, 3) points on the surface, dots where they are not hidden
+    """
     seen = frame @ view.axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     centre = (low + high) / 2

@@ -1,4 +1,4 @@
-"""The kinds of section that the report page has beside tables: rows of pictures with a legend, and drawings."""
+"""Sections of the report page other than tables: pictures with a legend, and drawings."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.core.results import DesignSide
 from pipeline.report import tables
 from pipeline.report.colormap import ColourScale
+from pipeline.report.numbers import MINUS
 
 #: Rectangles that the colour legend is drawn with.
 LEGEND_STEPS = 60
@@ -18,7 +19,9 @@ MIN_TICK_SHARE = 0.18
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """colours : from left to right; ticks : (share of the width, words); words : what the colours mean"""
+    """colours : `#rrggbb` from left to right; ticks : (share of the width, label); words : what the colours
+    mean
+    """
 
     colours: Sequence[str]
     ticks: Sequence[tuple[float, str]]
@@ -27,7 +30,7 @@ class Legend:
 
 @dataclass(frozen=True, slots=True)
 class Pictures:
-    """A row of pictures, two beside each other; images : (caption, PNG)"""
+    """Pictures in two columns. images : (caption, PNG); alt : start of the alternative text"""
 
     title: str
     alt: str
@@ -43,7 +46,7 @@ class Pictures:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """An SVG. full : across the whole page on paper too, or so that two have room on one"""
+    """An SVG. full : use the full page width in print; otherwise two drawings fit on a page"""
 
     title: str
     data: bytes
@@ -60,20 +63,22 @@ Section = Pictures | Drawing | tables.Table
 
 SIGNS: dict[DesignSide, str] = {
     "closed": "",
-    "open": " The design is open: + is the side that its faces look to.",
+    "open": " The design is open: + is the side its face normals point to.",
     "none": "",
 }
 
 
 def legend(scale: ColourScale, sign: DesignSide, *, rejected: bool = False) -> Legend:
-    """The scale in mm. rejected : of a pose that is none, where a distance says nothing about the print"""
+    """The legend in mm. rejected : the pose is a rejected one, so the distances do not describe the print"""
     middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
-    words = "Blue: material is missing. Red: there is too much."
+    words = "Blue: material is missing. Red: excess material."
     if rejected:
-        words = "Blue: inside of the design. Red: outside."
+        words = "Blue: inside the design. Red: outside."
     if sign == "none":
-        words = "Red: away from the design. Its faces look to no common side: distances have no sign here."
-    words += " Dark grey: on an open border, not counted. Beyond the ends: the end colours."
+        words = "Red: away from the design. The design is not orientable, so distances have no sign."
+    words += (
+        " Dark grey: on an open border, not counted. Values beyond the limits have the colours of the limits."
+    )
     if scale.tolerance_mm is not None:
         words += f" Light grey: within the tolerance of ±{scale.tolerance_mm:g} mm."
     return Legend(
@@ -84,10 +89,13 @@ def legend(scale: ColourScale, sign: DesignSide, *, rejected: bool = False) -> L
 
 
 def _ticks(scale: ColourScale) -> list[tuple[float, str]]:
-    """Of the ends, zero and the tolerance; where the three in the middle would lie on each other, of quarters."""
+    """Ticks at the limits, zero and the tolerance; at half the limits if the tolerance is near zero."""
     inner = 0.5 if scale.tolerance_mm is None else scale.tolerance_mm / scale.limit_mm
     zero = "0"
     if inner < MIN_TICK_SHARE:
         inner, zero = 0.5, f"±{scale.tolerance_mm:g} mm"
     marks = (-1.0, -inner, 0.0, inner, 1.0)
-    return [((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm" if mark else zero) for mark in marks]
+    return [
+        ((mark + 1) / 2, f"{mark * scale.limit_mm:+.3g} mm".replace("-", MINUS) if mark else zero)
+        for mark in marks
+    ]

@@ -1,6 +1,6 @@
-"""The tables of the report: figures of the result records in words, lengths in mm."""
+"""The tables of the report page, from the result records; lengths in mm."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.core.mesh import FloatArray
@@ -19,11 +19,14 @@ from pipeline.core.results import (
     Transform,
 )
 from pipeline.report import palette
+from pipeline.report.numbers import fixed, millimetres, percent, signed
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """columns named in `numbers` stand to the right; colours : of a swatch before each row"""
+    """Columns listed in `numbers` are right-aligned; colours : `#rrggbb` of a swatch before each row, or
+    none.
+    """
 
     title: str
     columns: Sequence[str]
@@ -35,164 +38,169 @@ class Table:
 
 
 def both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
-    """Statistics of the scan's vertices beside those of the design's."""
+    """Deviation statistics in both directions: over the scan's vertices, and over the design's."""
     overlap = (
-        None if metrics.scan_overlap is None else f"{metrics.scan_overlap:.1%} within the inlier distance"
+        None
+        if metrics.scan_overlap is None
+        else f"{percent(metrics.scan_overlap)} within the inlier distance"
     )
+    coverage = None if design is None else f"{percent(design.seen)} covered by the scan"
+    statistics: list[tuple[str, Callable[[Distances], str]]] = [
+        ("vertices counted", lambda each: str(each.n)),
+        ("mean (SD)", lambda each: f"{signed(each.mean_mm)} ({fixed(each.sd_mm)}) mm"),
+        ("RMS", lambda each: millimetres(each.rms_mm)),
+        ("1 % to 99 % quantile", lambda each: f"{signed(each.p01_mm)} to {signed(each.p99_mm)} mm"),
+        ("min, max", lambda each: f"{signed(each.min_mm)}, {signed(each.max_mm)} mm"),
+        ("within, above, below the tolerance", _by_tolerance),
+    ]
     rows: list[tuple[str, ...]] = [
-        ("area", overlap or "-", "-" if design is None else f"{design.seen:.1%} shown by the scan"),
-        *(
-            (name, told(scan), "-" if design is None else told(design))
-            for name, told in (
-                ("vertices counted", lambda each: str(each.n)),
-                ("mean (SD)", lambda each: f"{each.mean_mm:+.3f} ({each.sd_mm:.3f}) mm"),
-                ("RMS", lambda each: f"{each.rms_mm:.3f} mm"),
-                ("1 % to 99 %", lambda each: f"{each.p01_mm:+.3f} to {each.p99_mm:+.3f} mm"),
-                ("least, most", lambda each: f"{each.min_mm:+.3f}, {each.max_mm:+.3f} mm"),
-                ("within, above, below the tolerance", _by_tolerance),
-            )
-        ),
+        ("area", overlap or "-", coverage or "-"),
+        *((name, text(scan), "-" if design is None else text(design)) for name, text in statistics),
     ]
     return Table(
-        "Both directions",
+        "Deviation in both directions",
         ("", "scan to design", "design to scan"),
         rows,
         frozenset({"scan to design", "design to scan"}),
-        "Design to scan shows what no point of the scan lies near: a piece that broke off, a hole that was filled.",
+        "The distances from the design to the scan show missing regions: a broken piece or a filled hole.",
     )
 
 
-def _by_tolerance(found: Distances) -> str:
-    if found.within is None or found.above is None or found.below is None:
-        return "no tolerance was sent"
-    return f"{found.within:.1%}, {found.above:.1%}, {found.below:.1%}"
+def _by_tolerance(distances: Distances) -> str:
+    if distances.within is None or distances.above is None or distances.below is None:
+        return "no tolerance was specified"
+    return f"{percent(distances.within)}, {percent(distances.above)}, {percent(distances.below)}"
 
 
-def by_segment(found: Sequence[SegmentDeviation]) -> list[Table]:
-    """One row a segment; nothing where there is none."""
-    if not found:
+def by_segment(deviations: Sequence[SegmentDeviation]) -> list[Table]:
+    """One row for each segment of the design; no table without segments."""
+    if not deviations:
         return []
-    columns = ("segment", "vertices", "mean, mm", "SD, mm", "RMS, mm", "least, mm", "most, mm")
+    columns = ("segment", "vertices", "mean, mm", "SD, mm", "RMS, mm", "min, mm", "max, mm")
     rows = [
         (
-            *(each.segment, each.n, f"{each.mean_mm:+.3f}", f"{each.sd_mm:.3f}", f"{each.rms_mm:.3f}"),
-            *(f"{each.min_mm:+.3f}", f"{each.max_mm:+.3f}"),
+            *(each.segment, each.n, signed(each.mean_mm), fixed(each.sd_mm), fixed(each.rms_mm)),
+            *(signed(each.min_mm), signed(each.max_mm)),
         )
-        for each in found
+        for each in deviations
     ]
     note = (
-        "Of the scan's vertices by the segment of the closest design point; area-weighted. Colours as in the pictures "
-        "of the segments."
+        "Area-weighted statistics of the scan's vertices, by the segment of the closest design point. "
+        "The colours match the pictures of the segments."
     )
-    colours = [hex_of(palette.of_segment(each.segment)) for each in found]
+    colours = [hex_of(palette.of_segment(each.segment)) for each in deviations]
     return [Table("Deviation by segment of the design", columns, rows, frozenset(columns[1:]), note, colours)]
 
 
-def pose(found: Transform | None) -> list[Table]:
-    """The matrix, ready to be copied; nothing without a pose."""
-    if found is None:
+def pose(transform: Transform | None) -> list[Table]:
+    """The matrix; no table without a pose."""
+    if transform is None:
         return []
-    rows = [[f"{value:.6f}" for value in row[:3]] + [f"{row[3]:.4f}"] for row in found.matrix]
-    columns = ("x", "y", "z", "shift, mm")
+    rows = [[fixed(value, 6) for value in row[:3]] + [fixed(row[3], 4)] for row in transform.matrix]
+    columns = ("x", "y", "z", "translation, mm")
     note = (
-        f"{found.convention}: a turn by {found.rotation_deg:.3f}° and a shift, both in mm. In full precision, and for the "
-        "files' own units, in results.json."
+        f"{transform.convention}: a rotation by {fixed(transform.rotation_deg)}° and a translation, in mm. "
+        "results.json contains the matrix in full precision and in the units of the files."
     )
-    return [Table("Pose of the scan on the design", columns, rows, frozenset(columns), note)]
+    return [Table("Pose of the scan relative to the design", columns, rows, frozenset(columns), note)]
 
 
 def registration(result: RegistrationResult) -> Table:
-    """The four RMSEs and what goes with them."""
+    """The RMSEs of the four poses, and the figures that belong to them."""
     metrics = result.metrics
     rows = [
-        ("RMSE as uploaded", mm(metrics.rmse_initial_mm)),
-        ("RMSE by landmarks alone", mm(metrics.rmse_landmarks_mm)),
-        ("RMSE by ICP of the whole shape, without landmarks", mm(metrics.rmse_complete_mm)),
+        ("RMSE as uploaded", millimetres(metrics.rmse_initial_mm)),
+        ("RMSE of the landmark alignment", millimetres(metrics.rmse_landmarks_mm)),
+        ("RMSE of ICP of the complete shape, without landmarks", millimetres(metrics.rmse_complete_mm)),
         ("K, the ratio of the two", "-" if metrics.k_ratio is None else f"{metrics.k_ratio:.3g}"),
-        ("RMSE of the final pose", mm(metrics.rmse_mm)),
-        ("scan within the inlier distance", "-" if metrics.fitness is None else f"{metrics.fitness:.1%}"),
-        ("inlier distance", mm(metrics.inlier_distance_mm)),
+        ("RMSE of the final pose", millimetres(metrics.rmse_mm)),
+        ("scan within the inlier distance", percent(metrics.fitness)),
+        ("inlier distance", millimetres(metrics.inlier_distance_mm)),
     ]
     if result.scale is not None:
-        size = "-" if result.scale.isotropic is None else f"{result.scale.isotropic:.5f}"
-        rows.append(("size of the scan over the design (not applied)", size))
-        rows.append(("warp that stays", mm(result.scale.warp_mm)))
-    note = "RMSE: area-weighted, every vertex of the cleaned scan, nothing left out."
-    return Table("Registration", ("what", "value"), rows, frozenset({"value"}), note)
+        size = "-" if result.scale.isotropic is None else fixed(result.scale.isotropic, 5)
+        rows.append(("scale of the scan relative to the design (not applied)", size))
+        rows.append(("residual deformation", millimetres(result.scale.warp_mm)))
+    note = "RMSE: area-weighted, over every vertex of the cleaned scan, without excluding outliers."
+    return Table("Registration", ("quantity", "value"), rows, frozenset({"value"}), note)
 
 
-def alternatives(found: Sequence[Alternative], *, rejected: bool) -> list[Table]:
-    """rejected : there is no pose to stand by, and these are what was tried"""
-    if not found:
+def alternatives(poses: Sequence[Alternative], *, rejected: bool) -> list[Table]:
+    """Alternative poses. rejected : no valid alignment was found, and these are the rejected candidates"""
+    if not poses:
         return []
     rows = [
         (
             number + 1,
             f"{each.score:.3g}",
-            mm(each.rmse_mm),
-            "symmetry of the design" if each.symmetry_of_design else "rejected" if rejected else "rival",
+            millimetres(each.rmse_mm),
+            "symmetry of the design"
+            if each.symmetry_of_design
+            else "rejected"
+            if rejected
+            else "alternative pose",
         )
-        for number, each in enumerate(found)
+        for number, each in enumerate(poses)
     ]
-    title = "Poses that were tried and rejected" if rejected else "Other poses"
-    note = "Score: cost over that of the best pose, 1 is as good."
-    return [Table(title, ("number", "score", "RMSE", "what it is"), rows, frozenset({"score", "RMSE"}), note)]
+    title = "Rejected poses" if rejected else "Alternative poses"
+    note = "Score: cost relative to that of the best pose; 1 means equally good."
+    return [Table(title, ("number", "score", "RMSE", "type"), rows, frozenset({"score", "RMSE"}), note)]
 
 
-def segments(found: Segments) -> Table:
+def segments(result: Segments) -> Table:
+    """The centres of the segments, one row each."""
     columns = ("segment", "rho of its centre", "delta, mm", "vertices", "centre, mm")
     rows = [
-        (each.segment, f"{each.rho:.4g}", f"{each.delta:.3f}", each.size, point(each.position_mm))
-        for each in found.centres
+        (each.segment, f"{each.rho:.4g}", fixed(each.delta), each.size, point(each.position_mm))
+        for each in result.centres
     ]
     return Table(
         "Segments",
         columns,
         rows,
         frozenset(columns[1:]),
-        f"Metric {found.metric}, density {found.density}, d_c {found.d_c:.3f} mm, halo {found.halo_fraction:.0%}.",
-        [hex_of(palette.of_segment(each.segment)) for each in found.centres],
+        f"Metric {result.metric}, density {result.density}, d_c {fixed(result.d_c)} mm, "
+        f"halo {percent(result.halo_fraction, 0)}.",
+        [hex_of(palette.of_segment(each.segment)) for each in result.centres],
     )
 
 
 def landmarks(result: LandmarksResult) -> Table:
-    marked = result.landmarks.mesh
+    """The landmarks, strongest first."""
     columns = ("id", "segment", "T²", "strength", "position, mm", "vertex")
+    rows = [
+        (
+            *(each.id, each.segment, fixed(each.t2, 2), fixed(each.strength, 2)),
+            *(point(each.position_mm), each.vertex),
+        )
+        for each in result.landmarks.mesh
+    ]
     return Table(
         "Landmarks",
         columns,
-        [
-            (
-                each.id,
-                each.segment,
-                f"{each.t2:.2f}",
-                f"{each.strength:.2f}",
-                point(each.position_mm),
-                each.vertex,
-            )
-            for each in marked
-        ],
+        rows,
         frozenset(columns[2:]),
-        "Strength: T² over its limit. The vertex is one of mesh.clean.ply.",
-        [hex_of(palette.of_segment(each.segment)) for each in marked],
+        "Strength: T² divided by its limit. The vertex numbers refer to mesh.clean.ply.",
+        [hex_of(palette.of_segment(each.segment)) for each in result.landmarks.mesh],
     )
 
 
 def provenance(inputs: dict[str, Input], made_by: MadeBy) -> Table:
+    """Input files with their hashes, and the version that made the result."""
     rows: list[Sequence[object]] = [
-        (name, given.format, given.unit, given.sha256) for name, given in inputs.items()
+        (name, file.format, file.unit, file.sha256) for name, file in inputs.items()
     ]
-    note = f"Cusp {made_by.version}, seed {made_by.seed}. All settings and libraries are in results.json."
+    note = (
+        f"Cusp {made_by.version}, seed {made_by.seed}. results.json lists all settings and library versions."
+    )
     return Table("Provenance", ("mesh", "format", "unit", "SHA-256"), rows, frozenset(), note)
 
 
 def hex_of(colour: FloatArray) -> str:
+    """`#rrggbb` of a colour (3,) in [0, 1]."""
     return "#" + "".join(f"{round(255 * float(part)):02x}" for part in colour)
 
 
-def mm(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f} mm"
-
-
 def point(position_mm: Sequence[float]) -> str:
-    return ", ".join(f"{x:.2f}" for x in position_mm)
+    """`1.20, −3.00, 0.00`, mm."""
+    return ", ".join(fixed(x, 2) for x in position_mm)

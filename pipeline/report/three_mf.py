@@ -1,8 +1,8 @@
 """3MF of one coloured surface: unlike STL, PLY and OBJ it says that its numbers are millimetres.
 
-3MF Core Specification 1.3 with the colour groups of the Materials and Properties Extension 1.2. Written here, not by trimesh:
-that gives each object a random UUID (other bytes each time), leaves colours out, and calls a mesh a `model`, which the
-specification keeps for closed solids. A scan may be open: it is a `surface`.
+3MF Core Specification 1.3 with the colour groups of the Materials and Properties Extension 1.2. Written here,
+not by trimesh: that gives each object a random UUID (other bytes each time), leaves colours out, and calls a
+mesh a `model`, which the specification keeps for closed solids. A scan may be open: it is a `surface`.
 """
 
 import zipfile
@@ -34,7 +34,9 @@ ROWS = 20_000  # rows of text made at once
 
 
 def write(path: Path, mesh: Mesh, colours: FloatArray, name: str) -> None:
-    """mesh : with triangles; colours : (n, 3) red, green, blue in [0, 1] of its vertices; name : of the object"""
+    """mesh : with triangles; colours : (n, 3) red, green, blue in [0, 1] of its vertices; name : of the
+    object
+    """
     if mesh.is_cloud:
         raise ValueError("3MF has no points without triangles")
     with zipfile.ZipFile(path, "w") as archive:

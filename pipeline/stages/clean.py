@@ -1,4 +1,4 @@
-"""Remove what later stages cannot use, and say what was removed."""
+"""Mesh repair: removes elements that later stages cannot use, and reports what was removed."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,13 @@ from pipeline.core.settings import CleanSettings
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.rows import group_rows
 
-MIN_FACES = 4  # a tetrahedron: fewer triangles have no shape to find a pose by
+#: Min number of triangles: a tetrahedron is the smallest closed surface (derived).
+MIN_FACES = 4
+#: Min number of distinct points of a point cloud. Chosen by hand; not fitted.
 MIN_POINTS = 30
+#: A triangle whose area is below this share of its longest edge squared has no reliable normal: its height is
+#: lost in rounding (double precision, with a margin). Chosen by hand.
+DEGENERATE_AREA_SHARE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +34,7 @@ class Cleaned:
 
 def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
     """Merge bit-equal vertices (first occurrence first), then drop degenerate and duplicate faces, faces at
-    non-manifold edges, small components, and vertices nobody uses.
+    non-manifold edges, small components and unused vertices.
 
     Raises
     ------
@@ -53,7 +58,7 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
     faces, report["duplicate_faces"] = _keep(faces, _first_of_each(np.sort(faces, axis=1)))
     if len(faces) < MIN_FACES:
         raise DegenerateMesh(
-            f"{report['faces_in']} triangles came, {len(faces)} of them with an area; at least {MIN_FACES} are needed",
+            f"{len(faces)} of {report['faces_in']} triangles have an area; at least {MIN_FACES} are required",
             mesh=name,
         )
     old_of_new = first
@@ -73,21 +78,21 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
     report["unused_vertices"] = int((~used).sum())
     kept_mesh = Mesh(vertices[used], (np.cumsum(used) - 1)[faces].astype(np.int32))
     if len(kept_mesh.faces) < MIN_FACES:
-        raise DegenerateMesh(f"only {len(kept_mesh.faces)} triangles are left after the repair", mesh=name)
+        raise DegenerateMesh(f"only {len(kept_mesh.faces)} triangles remain after the repair", mesh=name)
     report |= {"vertices": len(kept_mesh.vertices), "faces": len(kept_mesh.faces)}
     return Cleaned(kept_mesh, old_of_new[used], report)
 
 
 def _cleaned_cloud(mesh: Mesh, name: str, first: IndexArray, report: dict[str, int | float]) -> Cleaned:
     if len(first) < MIN_POINTS:
-        raise TooFewPoints(f"{len(first)} different points; at least {MIN_POINTS} are needed", mesh=name)
+        raise TooFewPoints(f"{len(first)} distinct points; at least {MIN_POINTS} are required", mesh=name)
     if np.ptp(mesh.vertices, axis=0).max() == 0:
-        raise DegenerateMesh("all points are one point", mesh=name)
+        raise DegenerateMesh("all points coincide", mesh=name)
     return Cleaned(Mesh(mesh.vertices[first]), first, report | {"vertices": len(first), "faces": 0})
 
 
 class _EdgesOf:
-    """The edges of the faces asked for last: of a million triangles they take most of the cleaning, and seldom change."""
+    """Cache of the edges of the most recent faces: they take most of the run time and rarely change."""
 
     def __init__(self) -> None:
         self._faces = np.zeros((0, 3), dtype=np.int32)
@@ -102,10 +107,10 @@ class _EdgesOf:
 def _welded(
     vertices: FloatArray, faces: IntArray, edges: topology.Edges, tolerance_mm: float
 ) -> tuple[IntArray, int]:
-    """Close cracks: border vertices within `tolerance_mm` become one, the first of them.
+    """Close cracks: border vertices within `tolerance_mm` are merged into the first of them.
 
-    Exporters that round each triangle on its own leave corners that differ in the last bit; such a closed part
-    would count as open everywhere.
+    Some exporters round each triangle separately and write corners that differ in the last bit. Without
+    welding, such a closed part would be open at every edge.
     """
     border = np.unique(edges.ends[edges.count == 1])
     if tolerance_mm == 0 or border.size == 0:
@@ -124,11 +129,13 @@ def _keep(faces: IntArray, keep: BoolArray) -> tuple[IntArray, int]:
 
 
 def _degenerate(mesh: Mesh) -> BoolArray:
-    """Faces that name a vertex twice, or whose height is lost in rounding: no normal can be had from them."""
+    """(m,) faces without a normal: with a repeated vertex, or with a height below rounding."""
     corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
     repeated = (mesh.faces == np.roll(mesh.faces, 1, axis=1)).any(axis=1)
-    return np.asarray(repeated | (mesh.face_areas_mm2() <= 1e-12 * longest**2), dtype=np.bool_)
+    return np.asarray(
+        repeated | (mesh.face_areas_mm2() <= DEGENERATE_AREA_SHARE * longest**2), dtype=np.bool_
+    )
 
 
 def _first_of_each(rows: IntArray) -> BoolArray:
@@ -149,7 +156,7 @@ def _drop_small_components(mesh: Mesh, min_share: float) -> tuple[IntArray, int]
 def _oriented(
     vertices: FloatArray, faces: IntArray, old_of_new: IndexArray, edges: _EdgesOf
 ) -> tuple[FloatArray, IntArray, IndexArray, int]:
-    """Neighbours agree on the outside, and closed pieces have it outside (positive volume)."""
+    """Faces with consistent orientation; closed meshes have outward normals (positive volume)."""
     before = faces
     if not topology.is_coherent(faces):
         faces, kept = remesh.orient_coherently(Mesh(vertices, faces))
@@ -161,10 +168,12 @@ def _oriented(
 
 
 def _inside_out_faces(mesh: Mesh, edges: _EdgesOf) -> BoolArray:
-    """(m,) all faces of a closed mesh that is inside out, else none: an open surface has no volume.
+    """(m,) true for all faces of a closed mesh with inward normals, false otherwise; open surfaces have no
+    volume.
 
-    An inner shell of a hollow part rightly points inwards, and holds less than the outer one. So a mesh is inside out when
-    its volume is negative, unless a piece that is not lies beside the negative ones: then nothing is certain.
+    The inner shell of a hollow part has inward normals and encloses less than the outer shell. So the mesh is
+    inverted if its total volume is negative and every component of positive volume lies inside one of
+    negative volume.
     """
     no_faces = np.zeros(len(mesh.faces), dtype=np.bool_)
     if not (edges.of(mesh.faces).count == 2).all():

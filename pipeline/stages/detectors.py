@@ -1,9 +1,9 @@
-"""Where a mesh is marked: T^2 and what it is compared with, behind one setting, `landmarks.detector`.
+"""Keypoint detectors that T^2 is compared with, selected by the setting `landmarks.detector`.
 
-A detector answers with candidates in order of strength; `stages/landmarks.py` takes from them what lies away from
-open borders and from stronger ones. So each names every vertex it could stand by, the best first: what it would choose
-by its publication, then the rest by the same measure. Parameters are those of the publications or of the authors' code,
-named in the kernels; none was fitted to our meshes.
+A detector ranks all vertices: first the keypoints of its publication, then the other vertices by the same
+measure. `stages/landmarks.py` selects from this ranking the keypoints away from open borders and from
+stronger ones. The parameters are those of the publications or of the authors' code, named in the kernels;
+none was fitted to our meshes.
 """
 
 from collections.abc import Callable
@@ -20,15 +20,18 @@ from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import nearest
 from pipeline.stages.features import Features
 
-REACH_RADII = 0.3  # over which a maximum is located
-SPARE = 3  # points chosen one after another, for each one asked for: borders and spacing take some
+#: Radius of the fit that locates a maximum, in feature radii. Chosen by hand; not fitted.
+REACH_RADII = 0.3
+#: Greedily chosen points for each requested one: borders and spacing remove some. Chosen by hand; not fitted.
+SPARE = 3
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorInput:
-    """What a detector may look at: the working mesh, distances along its surface, the features (on their finer mesh).
+    """Input of a detector.
 
-    count : points that will be asked of it; spacing_mm : least distance they will have; seed : of random draws
+    mesh : the working mesh; surface : geodesic distances on it; features : on their own, finer mesh; count :
+    number of keypoints requested; spacing_mm : min distance between them; seed : of random draws
     """
 
     mesh: Mesh
@@ -41,8 +44,10 @@ class DetectorInput:
 
 @dataclass(frozen=True, slots=True)
 class RankedKeypoints:
-    """vertex : (k,) of `mesh`, best first; strength : (k,) what they are ordered by, falling;
-    position_mm : (k, 3), the vertex or, for maxima of a field, between the vertices
+    """All usable vertices, best keypoint first.
+
+    vertex : (k,) of `mesh`; strength : (k,) descending, dimensionless; position_mm : (k, 3), the vertex, or
+    the located maximum of a field between vertices
     """
 
     mesh: Mesh
@@ -55,8 +60,8 @@ Detect = Callable[[DetectorInput], RankedKeypoints]
 
 
 def gaussian_curvature(data: DetectorInput) -> RankedKeypoints:
-    """Local maxima of the Gaussian curvature averaged over the feature radius, the largest first. Not on an open border,
-    where a vertex has no curvature of its own.
+    """Local maxima of the Gaussian curvature averaged over the feature radius, the largest first. Not on an
+    open border, where a vertex has no curvature of its own.
     """
     mesh = data.features.mesh
     on_border = topology.border_vertices(mesh.faces, len(mesh.vertices))
@@ -80,20 +85,22 @@ def hks(data: DetectorInput) -> RankedKeypoints:
     positions = data.mesh.vertices.copy()
     for field, top in zip(
         fields.T[::-1], tops.T[::-1], strict=True
-    ):  # the coarsest scale of a vertex has the last word
+    ):  # the coarsest scale of a vertex overrides the others
         positions[top] = _between_vertices(data, data.mesh, field, np.flatnonzero(top))
     return replace(found, position_mm=positions[found.vertex])
 
 
 def iss_keypoints(data: DetectorInput) -> RankedKeypoints:
-    """ISS keypoints by their saliency, then the other vertices by theirs."""
+    """ISS keypoints by saliency, then the other vertices by saliency."""
     members = np.flatnonzero(_with_area(data.mesh))
     found = iss.keypoints(data.mesh.vertices[members])
     return _candidates(data.mesh, maxima.ranked(found.saliency, found.keypoint), members)
 
 
 def gp(data: DetectorInput) -> RankedKeypoints:
-    """Gaussian process landmarks in the order of their choice, then the other vertices by the variance left."""
+    """Gaussian process landmarks in the order of their choice, then the other vertices by their remaining
+    variance.
+    """
     members = np.flatnonzero(_with_area(data.mesh))
     points, areas = data.mesh.vertices[members], data.mesh.vertex_areas_mm2()
     weights = gp_landmarks.curvature_weights(
@@ -112,7 +119,7 @@ def gp(data: DetectorInput) -> RankedKeypoints:
 
 
 def farthest(data: DetectorInput) -> RankedKeypoints:
-    """Farthest-point sampling along the surface, then the other vertices by their distance to what it took."""
+    """Farthest-point sampling along the surface, then the other vertices by their distance to the samples."""
     usable, areas = _with_area(data.mesh), data.mesh.vertex_areas_mm2()
     found = farthest_points(data.mesh.vertices, areas, data.surface, SPARE * data.count, usable)
     rest = np.setdiff1d(np.flatnonzero(usable), found.taken)
@@ -128,7 +135,7 @@ def random(data: DetectorInput) -> RankedKeypoints:
     return _candidates(data.mesh, maxima.by_turn(members[np.argsort(waiting, kind="stable")]))
 
 
-COMPETITORS: dict[Detector, Detect] = {
+DETECTORS: dict[Detector, Detect] = {
     "gaussian_curvature": gaussian_curvature,
     "agd": agd,
     "hks": hks,
@@ -149,13 +156,13 @@ def _by_maxima(data: DetectorInput, mesh: Mesh, field: FloatArray) -> RankedKeyp
 
 
 def _between_vertices(data: DetectorInput, mesh: Mesh, field: FloatArray, tops: IndexArray) -> FloatArray:
-    """(k, 3) maxima of the field as exactly as T^2 locates its own."""
+    """(k, 3) mm, maxima of the field between vertices, located as those of T^2."""
     finite = np.where(np.isfinite(field), field, np.min(field[np.isfinite(field)], initial=0.0))
     return peaks.located(mesh, finite, tops, REACH_RADII * data.features.radius_mm).position_mm
 
 
 def _candidates(mesh: Mesh, found: maxima.Ranking, members: IndexArray | None = None) -> RankedKeypoints:
-    """members : what `found.vertex` counts; default all vertices."""
+    """members : the vertices that `found.vertex` indexes; default all."""
     vertex = found.vertex if members is None else members[found.vertex]
     return RankedKeypoints(mesh, vertex, found.strength, mesh.vertices[vertex])
 

@@ -1,4 +1,6 @@
-"""How far the print is from its design: signed distances of the scan's vertices, in numbers; and of the design's."""
+"""How far the print is from its design: signed distances of the scan's vertices, in numbers; and of the
+design's.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +18,8 @@ from pipeline.stages.registration import Fit
 
 @dataclass(frozen=True, slots=True)
 class Deviations:
-    """signed_mm : (n,) of every vertex of the cleaned scan, + outside; counted : (n,) those in the statistics;
-    summary : None when no vertex is counted
+    """signed_mm : (n,) of every vertex of the cleaned scan, + outside; counted : (n,) those in the
+    statistics; summary : None when no vertex is counted
     """
 
     signed_mm: FloatArray
@@ -65,10 +67,12 @@ def deviation_of_design(
     inlier_distance_mm: float,
     tolerance_mm: float | None,
 ) -> DesignDeviation | None:
-    """Distance of every design vertex to the scan, + where the scan stands out of the design; None: nothing is seen.
+    """Distance of every design vertex to the scan, + where the scan stands out of the design; None: nothing
+    is seen.
 
-    surface : of the scan in its own frame; None of points. Of these a distance beyond `inlier_distance_mm` is not told from
-    what was not scanned, and the sign is the side of the design on which the closest point lies.
+    surface : of the scan in its own frame; None of points. Of these a distance beyond `inlier_distance_mm` is
+    not told from what was not scanned, and the sign is the side of the design on which the closest point
+    lies.
     """
     sign, vertices = side_of(design.mesh), design.mesh.vertices
     in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), vertices)

@@ -1,4 +1,6 @@
-"""The six features of a vertex, [a, m, G, l1, l2, l3]: area, mean and Gaussian curvature, Laplacian vector."""
+"""The six features of a vertex, [a, m, G, l1, l2, l3]: area, mean and Gaussian curvature, Laplacian
+vector.
+"""
 
 from dataclasses import dataclass
 
@@ -21,7 +23,8 @@ class Features:
 
     values : (n, 6) columns as `NAMES`; radius_mm : physical scale of the features;
     border_distance_mm : (n,) along the surface to the nearest open border, inf without one;
-    mean_curvature_per_mm, gaussian_curvature_per_mm2 : (n,) pointwise, averaged over the radius, m + where convex
+    mean_curvature_per_mm, gaussian_curvature_per_mm2 : (n,) pointwise, averaged over the radius, m + where
+    convex
     """
 
     mesh: Mesh
@@ -43,12 +46,13 @@ def features_edge_mm(design_area_mm2: float, settings: FeaturesSettings) -> floa
 
 
 def features(mesh: Mesh, radius_mm: float, settings: FeaturesSettings) -> Features:
-    """`integrated` (paper): PyMesh's values in file units, a = lumped area, l = half cotangent sums, m = half its
-    length, G = angle defect without border correction.
+    """`integrated` (paper): PyMesh's values in file units, a = lumped area, l = half cotangent sums, m =
+    half its length, G = angle defect without border correction.
 
-    `physical` (default): pointwise values averaged along the surface with the weights exp(-2 (d / radius)^2), so that
-    the triangulation drops out; a = area over projected area within that reach (1 on a plane), from the averaged
-    normal. Border vertices have no curvature of their own and do not enter the averages.
+    `physical` (default): pointwise values averaged along the surface with the weights exp(-2 (d /
+    radius)^2), so that the triangulation drops out; a = area over projected area within that reach (1 on a
+    plane), from the averaged normal. Border vertices have no curvature of their own and do not enter the
+    averages.
     """
     n = len(mesh.vertices)
     areas = mesh.vertex_areas_mm2()

@@ -1,4 +1,4 @@
-"""Distances on the working mesh, the cut-off distance d_c they imply, and what lies within d_c of each vertex."""
+"""Geodesic distances on the working mesh, the cut-off distance d_c, and the local density within d_c."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,11 @@ from pipeline.kernels.geodesics import GeodesicSolver
 
 @dataclass(frozen=True, slots=True)
 class Geodesics:
-    """solver : of the working mesh in the metric of the settings; surface : in plain lengths (the same where the metric
-    is that); weights : (n,) what each vertex counts for in a density; d_c_mm : the quantile of all
-    pairwise distances, finite and > 0; rho : (n,) cut-off density (eq. 1), from the same pass over the geodesic discs
+    """Geodesics of a mesh with n vertices.
+
+    solver : in the metric of the settings; surface : in the surface metric (the same object if the settings
+    select that metric); weights : (n,) weight of each vertex in a density; d_c_mm : quantile of all pairwise
+    distances, finite and > 0; rho : (n,) cut-off density (Rodriguez & Laio 2014, eq. 1)
     """
 
     solver: GeodesicSolver
@@ -31,8 +33,9 @@ def geodesics(
 ) -> Geodesics:
     """Distances in the metric of the settings, d_c, and rho by the cut-off kernel.
 
-    size_mm : sqrt(area) of the design, which shares refer to. When more than the quantile's share of pairs lies across pieces,
-    d_c is the largest finite distance instead of infinity, and a warning says so.
+    size_mm : sqrt(area) of the design, the unit of the shares in the settings. If so many pairs lie on
+    different components that the quantile is infinite, d_c is the largest finite distance, with the warning
+    `many_components`.
     """
     surface = solver = GeodesicSolver(mesh.vertices, mesh.faces)
     if metric.metric == "crease":
@@ -45,13 +48,13 @@ def geodesics(
         return Geodesics(solver, surface, weights, d_c, rho, ())
     firsts = np.unique(solver.components, return_index=True)[1]
     rows = solver.distances(firsts)
-    detail = f"{name}: {len(firsts)} pieces; d_c is the largest finite distance"
+    detail = f"{name}: the mesh has {len(firsts)} connected components; d_c is the largest finite distance"
     d_c = float(rows[np.isfinite(rows)].max())
     return Geodesics(solver, surface, weights, d_c, rho, (Note(code="many_components", detail=detail),))
 
 
 def vertex_weights(mesh: Mesh, size_mm: float, settings: SegmentationSettings) -> FloatArray:
-    """(n,) what each vertex counts for in rho: 1 (paper), its area, or its area times e to its height on a bump."""
+    """(n,) weight in rho: 1 (paper), the vertex area (mm^2), or the area weighted by convexity (mm^2)."""
     if settings.density == "vertex":
         return np.ones(len(mesh.vertices))
     if settings.density == "area":

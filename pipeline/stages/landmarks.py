@@ -1,4 +1,4 @@
-"""Landkeypoints: the points of the surface whose features stand out (PCA, Hotelling's T^2), or a competitor's choice."""
+"""Landmarks: points with outlying features (PCA, Hotelling's T^2), or the keypoints of another detector."""
 
 from dataclasses import dataclass
 
@@ -12,22 +12,29 @@ from pipeline.core.settings import LandmarksSettings
 from pipeline.kernels import maxima, peaks
 from pipeline.kernels.geodesics import GeodesicSolver
 from pipeline.kernels.nearest import nearest
-from pipeline.stages.detectors import COMPETITORS, DetectorInput
+from pipeline.stages.detectors import DETECTORS, DetectorInput
 from pipeline.stages.features import Features
 from pipeline.stages.resample import nearest_vertices
 from pipeline.stages.segmentation import Segmentation
 
-COMPONENTS = 2  # A in eq. 3
-ROBUST_ROUNDS = 2  # of centre and covariance: all of it, then without what lies far out
+#: Principal components in T^2, A in eq. 3; from the paper.
+COMPONENTS = 2
+#: Estimates of centre and covariance: of all vertices, then without the outliers of the first. Chosen by
+#: hand; not fitted.
+ROBUST_ROUNDS = 2
+#: Confidence of the limit beyond which a vertex is an outlier in that estimate. Chosen by hand; not fitted.
+ROBUST_CONFIDENCE = 0.975
+#: A variance below this share of the largest one is rounding. Chosen by hand.
+MIN_VARIANCE_SHARE = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """T^2 on the mesh of the features.
+    """T^2 of the n vertices of the feature mesh.
 
-    t2 : (n,) with the spread of the segment, 0 where none was computed; limit : (n,) of the segment, inf where a segment
-    gives no landmarks; field : (n,) what landmarks are maxima of and ordered by, comparable between segments where
-    `statistics` is "part"
+    t2 : (n,) scaled by the variance of the segment, 0 if not computed; limit : (n,) of the segment, inf if
+    the segment gives no landmarks; field : (n,) the field whose maxima are landmarks, comparable between
+    segments if `statistics` is "part"
     """
 
     t2: FloatArray
@@ -37,7 +44,9 @@ class Scores:
 
 @dataclass(frozen=True, slots=True)
 class Keypoints:
-    """Points on a surface in order of strength. vertex : (k,) of `mesh`; position_mm : (k, 3); strength : (k,)"""
+    """Keypoints, strongest first. vertex : (k,) of `mesh`; position_mm : (k, 3); strength : (k,)
+    dimensionless.
+    """
 
     mesh: Mesh
     vertex: IndexArray
@@ -53,7 +62,7 @@ def landmarks(
     settings: LandmarksSettings,
     seed: int = 0,
 ) -> LandmarkSet:
-    """What `settings.detector` marks on a mesh: none near an open border, none near a stronger one, at most `count`.
+    """Keypoints of `settings.detector` away from open borders and from stronger ones; at most `count`.
 
     mesh, surface, segmentation : the working mesh; features : on their own, finer mesh
     """
@@ -66,7 +75,7 @@ def landmarks(
         count = settings.count or len(found.vertex)
         detector_input = DetectorInput(mesh, surface, features, count, spacing_mm, seed)
         found = _apart(
-            _competitor(detector_input, settings),
+            _detect(detector_input, settings),
             features,
             spacing_mm,
             settings.model_copy(update={"count": count}),
@@ -90,17 +99,18 @@ def landmarks(
 def t2_scores(
     features: Features, labels: IntArray | IndexArray, halo: BoolArray, settings: LandmarksSettings
 ) -> Scores:
-    """Eq. 3 in every segment: T^2 = t1^2 / lambda1 + t2^2 / lambda2 against A (n^2 - 1) / (n (n - A)) F_alpha.
+    """Eq. 3 in every segment: T^2 = t1^2 / lambda1 + t2^2 / lambda2 against A (n^2 - 1) / (n (n - A))
+    F_alpha.
 
     labels : (n,) segment of each vertex of the features' mesh; halo : (n,)
 
-    `statistics = "segment"` (paper): centre and covariance of each segment by themselves. "part": directions and ratio of
-    the spreads are those of the whole part, weighted by area and without the 2.5 % that lie farthest out; a segment
-    brings its own size of spread where that is smaller. Segments of two scans of one part never have quite the same
-    borders, so what is computed from few vertices differs; and one field over the whole part has no jumps at borders.
-    Features are m, G and |l|: free of rotation and, as each is divided by its spread, of unit (a says nothing more once
-    it is physical).
-    A segment without relief is flat and gives no landmarks; one with few vertices takes the spread of the part.
+    `statistics = "segment"` (paper): centre and covariance of each segment. "part": directions and ratio of
+    the variances are those of the whole part, area-weighted and without the outermost 2.5 %. The variance of
+    a segment scales T^2 where it is smaller. The segments of two scans of a part have slightly different
+    borders, so statistics of few vertices differ; a field over the whole part has no jumps at borders. Its
+    features are m, G and |l|, which are invariant to rotation and, divided by their spread, to the unit
+    (physical `a` adds no information). A segment without relief gives no landmarks. A segment with few
+    vertices uses the variance of the part.
     """
     n = len(labels)
     usable = features.border_distance_mm >= settings.border_distance_radii * features.radius_mm
@@ -133,10 +143,10 @@ def t2_scores(
 
 
 def scaled(values: FloatArray, standardize: bool) -> FloatArray:
-    """(k, 6) features ready for the PCA: centred, and by default each divided by its spread.
+    """(k, 6) features ready for the PCA: centred, and if `standardize`, divided by their spread.
 
-    l1..l3 share one scale, the root of their mean variance, so that turning the part only turns the vector and
-    T^2 stays what it was; each feature's own scale makes the unit drop out.
+    values : (k, 6). l1, l2, l3 share one scale, the root of their mean variance, so T^2 does not change when
+    the part is rotated. The scale of each feature removes its unit.
     """
     centred = values - values.mean(axis=0)
     if not standardize:
@@ -148,9 +158,9 @@ def scaled(values: FloatArray, standardize: bool) -> FloatArray:
 
 
 def hotelling_t2(centred: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-    """(k,) T^2 of the first two principal components (eq. 3); a component without variance counts nothing.
+    """(k,) T^2 of the first two principal components (eq. 3); a component without variance is ignored.
 
-    weights : (k,) what each row counts for in the covariance; default all alike
+    weights : (k,) weight of each row in the covariance; default equal
     """
     if weights is None:
         covariance = np.einsum("ki,kj->ij", centred, centred) / max(1, len(centred) - 1)
@@ -158,7 +168,7 @@ def hotelling_t2(centred: FloatArray, weights: FloatArray | None = None) -> Floa
         covariance = np.einsum("k,ki,kj->ij", weights, centred, centred) / max(float(weights.sum()), 1e-300)
     variance, axes = np.linalg.eigh(covariance)
     variance, axes = variance[::-1][:COMPONENTS], axes[:, ::-1][:, :COMPONENTS]
-    real = variance > 1e-14 * max(float(variance[0]), 1e-300)
+    real = variance > MIN_VARIANCE_SHARE * max(float(variance[0]), 1e-300)
     scores = centred @ axes[:, real]
     return np.asarray((scores**2 / variance[real]).sum(axis=1), dtype=np.float64)
 
@@ -170,7 +180,7 @@ def t2_limit(n: int, confidence: float) -> float:
 
 
 def strongest_apart(points: FloatArray, radius_mm: float) -> IndexArray:
-    """Of points in order of strength, the numbers of those with no kept stronger one within `radius_mm`."""
+    """Indices of the points (k, 3), strongest first, without a selected stronger point within `radius_mm`."""
     if radius_mm == 0 or len(points) == 0:
         return np.arange(len(points))
     free: BoolArray = np.ones(len(points), dtype=np.bool_)
@@ -184,7 +194,9 @@ def strongest_apart(points: FloatArray, radius_mm: float) -> IndexArray:
 
 
 def _part_t2(features: Features, usable: BoolArray) -> FloatArray:
-    """(n,) T^2 of [m, G, |l|] over the whole part; centre and covariance by area, once without the farthest 2.5 %."""
+    """(n,) T^2 of [m, G, |l|] over the whole part; centre and covariance by area, once without the farthest
+    2.5 %.
+    """
     values = np.column_stack([features.values[:, 1:3], np.linalg.norm(features.values[:, 3:], axis=1)])
     weights = features.mesh.vertex_areas_mm2() * usable
     t2 = np.zeros(len(values))
@@ -195,12 +207,14 @@ def _part_t2(features: Features, usable: BoolArray) -> FloatArray:
         spread = np.sqrt(np.average(centred**2, axis=0, weights=weights))
         unit_free = np.divide(centred, spread, out=np.zeros_like(centred), where=spread > 0)
         t2 = hotelling_t2(unit_free, weights)
-        weights = weights * (t2 <= t2_limit(max(len(values), 10), 0.975))
+        weights = weights * (t2 <= t2_limit(max(len(values), 10), ROBUST_CONFIDENCE))
     return t2
 
 
 def _t2_keypoints(features: Features, scores: Scores, settings: LandmarksSettings) -> Keypoints:
-    """Vertices beyond the limit, the strongest first; with `localize_radii` only maxima, and between the vertices."""
+    """Vertices beyond the limit, strongest first; with `localize_radii` only maxima, located between
+    vertices.
+    """
     mesh = features.mesh
     beyond = np.flatnonzero(scores.t2 > scores.limit)
     if settings.localize_radii == 0:
@@ -208,7 +222,7 @@ def _t2_keypoints(features: Features, scores: Scores, settings: LandmarksSetting
         return Keypoints(mesh, order, mesh.vertices[order], scores.field[order])
     near = maxima.ring(mesh.faces, len(mesh.vertices))
     tops = np.intersect1d(np.flatnonzero(maxima.local_maxima(scores.field, near)), beyond)
-    # the field's root: a distance in standard deviations, which a quadric fits better than its square
+    # The square root is a distance in standard deviations; a quadric fits it better than its square.
     found = peaks.located(mesh, np.sqrt(scores.field), tops, settings.localize_radii * features.radius_mm)
     sharp = found.sharpness * features.radius_mm**2 > settings.min_sharpness * found.value
     order = np.flatnonzero(sharp)[np.argsort(-np.round(found.value[sharp], 9), kind="stable")]
@@ -216,15 +230,17 @@ def _t2_keypoints(features: Features, scores: Scores, settings: LandmarksSetting
     return Keypoints(mesh, tops[order], found.position_mm[order], found.value[order] ** 2 / limit)
 
 
-def _competitor(detector_input: DetectorInput, settings: LandmarksSettings) -> Keypoints:
-    found = COMPETITORS[settings.detector](detector_input)
+def _detect(detector_input: DetectorInput, settings: LandmarksSettings) -> Keypoints:
+    found = DETECTORS[settings.detector](detector_input)
     return Keypoints(found.mesh, found.vertex, found.position_mm, found.strength)
 
 
 def _apart(
     keypoints: Keypoints, features: Features, spacing_mm: float, settings: LandmarksSettings
 ) -> Keypoints:
-    """Those away from open borders and from stronger ones, at most `settings.count`."""
+    """The keypoints away from open borders and at least `spacing_mm` from stronger ones; at most
+    `settings.count`.
+    """
     _, at = nearest(features.mesh.vertices, keypoints.position_mm)
     inside = np.flatnonzero(
         features.border_distance_mm[at] >= settings.border_distance_radii * features.radius_mm

@@ -1,7 +1,7 @@
-"""Read a file into millimetres: which format, which unit, is it whole, are its numbers numbers.
+"""Reads a mesh file and converts it to millimetres.
 
-Formats are trimesh's business; this file adds what its readers let pass: cut ASCII files, zip bombs, units,
-and an error that says which file is wrong and what to do.
+trimesh parses the formats. This module adds the checks that its readers do not make: truncated ASCII
+files, zip bombs, units and coordinate range. Its errors name the file and the remedy.
 """
 
 import hashlib
@@ -33,6 +33,8 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.settings import LoadSettings, Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+#: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
+#: and Poisson reconstruction. Derived.
 MAX_COORDINATE_MM = 1e8
 
 # What 3MF files may declare (core specification, section 3.4) in trimesh's spelling, and glTF's metre.
@@ -49,7 +51,9 @@ _DECLARED = {
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """mesh : in mm; unit, mm_per_unit : what the file's numbers meant; sha256 : of the file's bytes."""
+    """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
+    bytes.
+    """
 
     mesh: Mesh
     format: Format
@@ -59,12 +63,12 @@ class Loaded:
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
-    """Read `source`, called `name` (design, scan, mesh) in errors.
+    """Read `source`; errors call it `name` (design, scan, mesh).
 
     Raises
     ------
-    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange, IndexOutOfRange,
-    NoSurface (points where `needs_surface`), UnitUnknown
+    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange,
+    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown
     """
     data = _read(source.path, name)
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
@@ -87,13 +91,13 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
 
 
 def _check_coordinates(mesh: Mesh) -> None:
-    """A vertex 100 km away is a damaged number. Ray casting and Poisson work in single precision, and what is farther
-    squares beyond it."""
+    """Raise CoordinateOutOfRange for a vertex beyond `MAX_COORDINATE_MM`: such a number is damaged."""
     far = np.flatnonzero(np.abs(mesh.vertices).max(axis=1, initial=0.0) > MAX_COORDINATE_MM)
     if far.size:
         place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])
         raise CoordinateOutOfRange(
-            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm from the origin, the first "
+            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm "
+            "from the origin, the first "
             f"at ({place}) mm"
         )
 
@@ -107,10 +111,10 @@ def _read(path: Path, name: str) -> bytes:
         ) from error
 
 
-def _unit(wanted: Unit, declared: str | None) -> tuple[str, float]:
-    """What the user says wins; `auto` is what the file declares, else mm."""
-    if wanted != "auto":
-        return wanted, MM_PER_UNIT[wanted]
+def _unit(requested: Unit, declared: str | None) -> tuple[str, float]:
+    """The unit requested by the user; `auto` selects the declared unit of the file, or mm."""
+    if requested != "auto":
+        return requested, MM_PER_UNIT[requested]
     if declared is None:
         return "mm", 1.0
     if declared not in _DECLARED:
@@ -119,7 +123,9 @@ def _unit(wanted: Unit, declared: str | None) -> tuple[str, float]:
 
 
 def _check_announced_size(data: bytes, kind: Format, settings: LoadSettings) -> None:
-    """Refuse before parsing what would not fit: by the header of a binary STL, by the directory of a 3MF."""
+    """Reject a file that is too large before parsing: by the header of a binary STL or the directory of a
+    3MF.
+    """
     if kind is Format.STL and not _is_ascii_stl(data):
         (announced,) = struct.unpack("<I", data[80:84])
         if announced > settings.max_faces:
@@ -129,17 +135,17 @@ def _check_announced_size(data: bytes, kind: Format, settings: LoadSettings) -> 
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 unpacked = sum(entry.file_size for entry in archive.infolist())
         except (zipfile.BadZipFile, OSError, ValueError) as error:
-            raise UnreadableFile("the 3MF is not a whole zip archive") from error
+            raise UnreadableFile("the 3MF is not a complete zip archive") from error
         if unpacked > settings.max_archive_expansion * len(data):
             raise MeshTooLarge(
-                f"the 3MF of {len(data)} bytes unpacks to {unpacked}; "
+                f"the 3MF of {len(data)} bytes unpacks to {unpacked} bytes; "
                 f"the limit is {settings.max_archive_expansion} times its size",
                 remedy="if this is a real part, export it as binary STL",
             )
 
 
 def _parse(data: bytes, kind: Format) -> tuple[FloatArray, IndexArray, str | None]:
-    """Vertices, faces and the declared unit, by trimesh; whatever its reader raises becomes a clear error."""
+    """Vertices, faces and the declared unit, by trimesh. Exceptions of its readers become a PipelineError."""
     if kind is Format.XYZ:
         return _parse_xyz(data), np.zeros((0, 3), dtype=np.int64), None
     try:
@@ -150,13 +156,16 @@ def _parse(data: bytes, kind: Format) -> tuple[FloatArray, IndexArray, str | Non
     except MemoryError:
         raise
     except Exception as error:
-        # The readers of trimesh raise what their parser met (KeyError, struct.error, lxml's, ...).
+        # The readers of trimesh raise many types of exception (KeyError, struct.error, those of lxml,
+        # ...).
         text = str(error).lower()
         if isinstance(error, IndexError) or "index outside the range" in text:
-            raise IndexOutOfRange(f"a face of the {kind} names a vertex that does not exist") from error
+            raise IndexOutOfRange(f"a face of the {kind} refers to a vertex that does not exist") from error
         if "length" in text or "unexpected end" in text or "truncated" in text:
             raise TruncatedFile(f"the {kind} ends before what its header announces") from error
-        raise UnreadableFile(f"the {kind} could not be parsed: it is damaged or not what it says") from error
+        raise UnreadableFile(
+            f"the {kind} could not be parsed: the file is damaged or has another format"
+        ) from error
     meshes = [part for part in parts if isinstance(part, trimesh.Trimesh)]
     clouds = [part for part in parts if isinstance(part, trimesh.PointCloud)]
     vertices, faces = _concatenate(meshes or clouds)
@@ -177,7 +186,9 @@ def _concatenate(parts: list[trimesh.Trimesh] | list[trimesh.PointCloud]) -> tup
         triangles = np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64).reshape(-1, 3)
         if triangles.size and (triangles.min() < 0 or triangles.max() >= len(points)):
             wrong = triangles[(triangles < 0) | (triangles >= len(points))][0]
-            raise IndexOutOfRange(f"a triangle names vertex {wrong}, but there are {len(points)} vertices")
+            raise IndexOutOfRange(
+                f"a triangle refers to vertex {wrong}, but the mesh has {len(points)} vertices"
+            )
         vertices.append(points)
         faces.append(triangles + count)
         count += len(points)
@@ -189,19 +200,19 @@ def _parse_xyz(data: bytes) -> FloatArray:
     first = text.lstrip("\ufeff").split("\n", 1)[0].split("#")[0].split()
     try:
         [float(word) for word in first]
-        heading = 0
+        header_lines = 0
     except ValueError:
-        heading = 1
+        header_lines = 1
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "input contained no data": said below in our words
+            warnings.simplefilter("ignore")  # "input contained no data": reported below
             points = np.loadtxt(
-                io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=heading, ndmin=2
+                io.StringIO(text), comments=["#", "//"], usecols=(0, 1, 2), skiprows=header_lines, ndmin=2
             )
     except ValueError as error:
         raise UnreadableFile(
             "a line of the XYZ file is not three numbers",
-            remedy="one point a line: x y z, anything after is ignored",
+            remedy="write one point on each line: x y z; further columns are ignored",
         ) from error
     if len(points) == 0:
         raise UnreadableFile("the XYZ file has no points")
@@ -219,16 +230,16 @@ def _check_stl(data: bytes, n_vertices: int, n_faces: int) -> None:
     if _is_ascii_stl(data):
         tail = data[-4096:].lower()
         if b"endsolid" not in tail and data.lower().count(b"endfacet") != data.lower().count(b"facet normal"):
-            raise TruncatedFile("the ASCII STL stops in the middle of a facet")
+            raise TruncatedFile("the ASCII STL ends inside a facet")
 
 
 def _check_ply(data: bytes, n_vertices: int, n_faces: int) -> None:
     header = data[: data.find(b"end_header")]
-    for element, found in ((rb"vertex", n_vertices), (rb"face", n_faces)):
+    for element, count in ((rb"vertex", n_vertices), (rb"face", n_faces)):
         announced = re.search(rb"element\s+" + element + rb"\s+(\d+)", header)
-        if announced and found < int(announced[1]):
+        if announced and count < int(announced[1]):
             raise TruncatedFile(
-                f"the PLY announces {int(announced[1])} {element.decode()} rows and has {found}"
+                f"the PLY announces {int(announced[1])} {element.decode()} rows and has {count}"
             )
 
 

@@ -1,8 +1,8 @@
 """The working mesh: the same surface in nearly equilateral triangles at the part's own scale.
 
-A million-triangle scan and a 400-triangle CAD part are analysed alike: the edge length comes from the design's
-area and `target_vertices`, and the scan gets the same edge length. What is computed on the working mesh is
-carried back to the cleaned mesh by the nearest surface point.
+A scan of a million triangles and a CAD part of 400 are analysed at the same resolution: the edge length
+follows from the design's area and `target_vertices`, and the scan gets the same edge length. Results on the
+working mesh are transferred to the cleaned mesh by the nearest surface point.
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,29 @@ from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import clean
 
+#: Min number of vertices of a working mesh. Chosen by hand; not fitted.
 MIN_VERTICES = 500
-DECIMATE_ABOVE = 8  # times the wanted faces: remeshing directly is slow from there on
+#: A surface with more than this many times the requested triangles is decimated before remeshing, which would
+#: otherwise be slow. Chosen by hand; not fitted.
+DECIMATE_ABOVE = 8
+#: Neighbours for estimating the normals of a point cloud, and for orienting them. Chosen by hand; not fitted.
+NORMAL_NEIGHBOURS, ORIENTATION_NEIGHBOURS = 20, 15
+#: Min and max octree depth of the Poisson reconstruction. Chosen by hand; limits time and memory.
+POISSON_DEPTHS = (4, 9)
+#: Size of the octree over the extent of the cloud. Chosen by hand; not fitted.
+POISSON_MARGIN = 1.2
+#: Distance in point spacings beyond which a reconstructed triangle is removed. Chosen by hand; not fitted.
+TRIM_SPACINGS = 2.5
+#: Components below this share of the reconstructed area are removed. Chosen by hand; not fitted.
+MIN_POISSON_COMPONENT_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Resampled:
-    """mesh : the working mesh; fine : the same surface in smaller triangles, for features, or None when not asked for;
-    edge_mm : edge length of the working mesh;
-    working_of_clean : (n_clean,) int64, nearest vertex of the working mesh (by the nearest surface point);
-    light : the cleaned mesh in fewer triangles, None where it has few enough to be shown as it is
+    """mesh : the working mesh; fine : the same surface in smaller triangles, for features, or None when not
+    asked for; edge_mm : edge length of the working mesh; working_of_clean : (n_clean,) int64, nearest vertex
+    of the working mesh (by the nearest surface point); light : the cleaned mesh in fewer triangles, None
+    where it has few enough to be shown as it is
     """
 
     mesh: Mesh
@@ -38,18 +51,20 @@ class Resampled:
 
 
 def working_edge_mm(area_mm2: float, n_vertices: int) -> float:
-    """Edge of `n_vertices` equilateral triangles' vertices covering `area_mm2` (each stands for sqrt(3)/2 e^2)."""
+    """Edge of `n_vertices` equilateral triangles' vertices covering `area_mm2` (each stands for sqrt(3)/2
+    e^2).
+    """
     return float(np.sqrt(2.0 * area_mm2 / (np.sqrt(3.0) * n_vertices)))
 
 
 def resample(
     mesh: Mesh, name: str, edge_mm: float, settings: ResampleSettings, *, fine_edge_mm: float | None = None
 ) -> Resampled:
-    """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many vertices, shorter
-    if it would be next to none.
+    """Remesh `mesh` (a cloud is meshed first) to edges of `edge_mm`, longer if that would be too many
+    vertices, shorter if it would be next to none.
 
-    fine_edge_mm : also remesh to this edge, changed by the same factor; without `settings.enabled` the fine mesh is
-    the mesh itself.
+    fine_edge_mm : also remesh to this edge, changed by the same factor; without `settings.enabled` the fine
+    mesh is the mesh itself.
 
     Raises
     ------
@@ -87,7 +102,7 @@ def _remeshed(surface: Mesh, area_mm2: float, name: str, edge_mm: float, setting
     except remesh.PyMeshLabException as error:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
     if len(remeshed.faces) == 0:
-        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm left nothing", mesh=name)
+        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm produced no triangles", mesh=name)
     return clean(remeshed, name, CleanSettings()).mesh
 
 
@@ -103,7 +118,10 @@ def nearest_vertices(mesh: Mesh, points: FloatArray) -> IndexArray:
 
 
 def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
-    """A surface through scan points, for analysis only: screened Poisson, trimmed to where points are.
+    """A surface reconstructed from scan points (screened Poisson), trimmed to the neighbourhood of the
+    points.
+
+    Used for analysis only. points : (n, 3) mm.
 
     Raises
     ------
@@ -113,16 +131,16 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
         edge_mm / 2
     )
     spacing = float(np.median(np.asarray(cloud.compute_nearest_neighbor_distance())))
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=20))
-    cloud.orient_normals_consistent_tangent_plane(15)
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=NORMAL_NEIGHBOURS))
+    cloud.orient_normals_consistent_tangent_plane(ORIENTATION_NEIGHBOURS)
     extent = float(np.ptp(points, axis=0).max())
-    depth = int(np.clip(np.ceil(np.log2(1.2 * extent / spacing)), 4, 9))
+    depth = int(np.clip(np.ceil(np.log2(POISSON_MARGIN * extent / spacing)), *POISSON_DEPTHS))
     poisson, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
     mesh = Mesh(np.asarray(poisson.vertices), np.asarray(poisson.triangles))
-    mesh = Mesh(mesh.vertices, mesh.faces[_near(mesh, np.asarray(cloud.points), 2.5 * spacing)])
+    mesh = Mesh(mesh.vertices, mesh.faces[_near(mesh, np.asarray(cloud.points), TRIM_SPACINGS * spacing)])
     if len(mesh.faces) == 0:
-        raise ResampleFailed("no surface could be laid through the points", mesh=name)
-    return clean(mesh, name, CleanSettings(min_component_share=0.01)).mesh
+        raise ResampleFailed("no surface could be reconstructed from the points", mesh=name)
+    return clean(mesh, name, CleanSettings(min_component_share=MIN_POISSON_COMPONENT_SHARE)).mesh
 
 
 def _near(mesh: Mesh, points: FloatArray, radius_mm: float) -> BoolArray:

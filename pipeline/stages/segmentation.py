@@ -1,4 +1,4 @@
-"""Cut the surface into segments at its density peaks (CFSFDP with geodesic distances)."""
+"""Segmentation of the surface by density peaks (CFSFDP with geodesic distances)."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,8 @@ from pipeline.kernels import clusterings, density_peaks, topology
 from pipeline.kernels.nearest import nearest
 from pipeline.stages.geodesics import Geodesics
 
-MOST_PEAKS = 1000  # that joining starts from
+#: Max number of density peaks before they are merged; limits memory. Chosen by hand; not fitted.
+MAX_PEAKS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +20,8 @@ class Segmentation:
     """On the working mesh; rho and delta are the decision graph.
 
     labels : (n,) int32 >= 0; halo : (n,); rho : (n,) vertices or mm^2; delta : (n,) mm, finite;
-    centres : (k,) int64, centre of segment s at `centres[s]`, largest rho * delta first (other methods than cfsfdp:
-    largest segment first); d_c_mm
+    centres : (k,) int64, centre of segment s at `centres[s]`, largest rho * delta first (other methods than
+    cfsfdp: largest segment first); d_c_mm
     """
 
     labels: IntArray
@@ -36,8 +37,9 @@ def segment(
 ) -> Segmentation:
     """Rodriguez & Laio 2014 on `mesh`; another `settings.method` then relabels by position, see `clustered`.
 
-    Delta and a forced centre a component; a component below `min_component_share` of the area has no centre, its
-    vertices join the segment that is nearest through space and are halo.
+    mesh : the working mesh, n vertices. Each component has at least one centre, its densest vertex. A
+    component below `min_component_share` of the area has no centre: its vertices join the segment nearest in
+    space, as halo.
 
     Raises
     ------
@@ -58,8 +60,9 @@ def segment(
         delta[peak] = reach[np.isfinite(reach)].max()
     if not large.any():
         raise ComponentsTooSmall(
-            f"the largest of {len(component_area)} connected pieces has "
-            f"{component_area.max() / component_area.sum():.2%} of the area, {settings.min_component_share:.2%} needed",
+            f"the largest of {len(component_area)} connected components has "
+            f"{component_area.max() / component_area.sum():.2%} of the area; at least "
+            f"{settings.min_component_share:.2%} is required",
             mesh=name,
         )
     eligible = large[solver.components]
@@ -81,7 +84,9 @@ def segment(
 
 @dataclass(frozen=True, slots=True)
 class DecisionGraph:
-    """rho, delta : (n,), 0 where no centre may be; forced : the densest vertex of each component that has one"""
+    """rho, delta : (n,), 0 for vertices that cannot be centres; forced : densest vertex of each large
+    component.
+    """
 
     rho: FloatArray
     delta: FloatArray
@@ -93,8 +98,8 @@ def _centres(
 ) -> tuple[IndexArray, IntArray]:
     """Centres, largest rho * delta first, and the label of every vertex (-1: no centre above it).
 
-    The user's choice first: `rho_min` / `delta_min_mm`, or the number. Else peaks joined over dense borders until each stands
-    out (`prominence`), or thresholds in the decision graph.
+    Thresholds of the user (`rho_min`, `delta_min_mm`) have priority. Otherwise peaks are merged over dense
+    borders until each has the min prominence, or thresholds of the decision graph select them.
     """
     by_user = settings.rho_min is not None or settings.delta_min_mm is not None
     joins = settings.centre_rule == "prominence" and not by_user
@@ -110,7 +115,7 @@ def _centres(
         graph.forced,
         delta_min=delta_min,
         rho_min=rho_min,
-        max_centres=MOST_PEAKS if joins or by_user else settings.max_centres,
+        max_centres=MAX_PEAKS if joins or by_user else settings.max_centres,
         n_centres=None if joins or by_user else settings.n_centres,
     )
     labels = density_peaks.assign(nearest_denser, centres)
@@ -127,8 +132,9 @@ def _centres(
 
 
 def clustered(mesh: Mesh, peaks: Segmentation, settings: SegmentationSettings, seed: int) -> Segmentation:
-    """The segments of another method in place of the density peaks', as many where `n_centres` does not say; nothing
-    is halo, and the decision graph stays.
+    """The segmentation by another clustering method, with the decision graph of the density peaks.
+
+    The number of segments is `n_centres`, or that of the density peaks. No vertex is halo.
     """
     k = settings.n_centres or len(peaks.centres)
     found = clusterings.cluster(settings.method, mesh.vertices, mesh.vertex_areas_mm2(), k, seed)

@@ -1,7 +1,8 @@
-"""The two studies on one mesh, behind one function: who marks it, what is counted, which files tell of it.
+"""The two studies on one mesh behind one function.
 
-`informativeness` (`pipeline/studies/informativeness.py`) is the paper's protocol on a shape and its own copy; `repeatability`
-(`pipeline/studies/repeatability.py`) asks what matters on a factory floor: is a landmark found again on another mesh?
+`informativeness` (`studies/informativeness.py`) is the paper's protocol on a shape and its own copy.
+`repeatability` (`studies/repeatability.py`) measures whether a detector finds the same landmarks on another
+mesh of the shape.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,14 +29,15 @@ from pipeline.studies import plots
 from pipeline.studies import repeatability as repeat
 
 T2: Detector = "t2"
-MIN_POINTS = 3  # a rigid motion needs so many
+#: Points that determine a rigid motion (derived).
+MIN_POINTS = 3
 
 OnShare = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class StudyOutcome:
-    """Fields of `outcome.StudyResult`, and `write(folder)`, which writes trials.csv and study.svg."""
+    """Fields of `results.StudyResult`, and `write(folder)`, which writes trials.csv and study.svg."""
 
     protocol: InformativenessProtocol | RepeatabilityProtocol
     informativeness: list[InformativenessRow] | None
@@ -51,7 +53,7 @@ def study(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare) -> Study
     Raises
     ------
     TooFewLandmarks
-        When no detector gives three points for `informativeness`.
+        If no detector finds three points for `informativeness`.
     """
     if settings.study.kind == "repeatability":
         return _repeatability(mesh, settings, seed, on_share)
@@ -63,10 +65,10 @@ def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShar
     on_share(0.0, "landmarks")
     keypoints = _keypoints(mesh, settings, seed)
     if len(keypoints[T2]) < MIN_POINTS and not settings.landmarks.include_halo:
-        # By the article's definition nearly all of an evenly triangulated arch is halo, and the paper's own count of
-        # landmarks, 3 % of all vertices, cannot be without it.
+        # By the article's definition nearly all of an evenly triangulated arch is halo. The paper's number of
+        # landmarks, 3 % of all vertices, is impossible without it.
         detail = (
-            f"mesh: leaving out the halo leaves {len(keypoints[T2])} landmarks; the study was made with it"
+            f"mesh: only {len(keypoints[T2])} landmarks lie outside the halo; the study includes the halo"
         )
         warnings.append(Note(code="halo_included", detail=detail))
         with_halo = settings.landmarks.model_copy(update={"include_halo": True})
@@ -75,9 +77,9 @@ def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShar
     usable = {detector: points for detector, points in usable.items() if detector in section.detectors}
     counts = ", ".join(f"{detector} {len(points)}" for detector, points in keypoints.items())
     if not usable:
-        raise TooFewLandmarks(f"no detector gives {MIN_POINTS} points ({counts})", mesh="mesh")
+        raise TooFewLandmarks(f"no detector found {MIN_POINTS} points ({counts})", mesh="mesh")
     if len(usable) < len(section.detectors):
-        detail = f"mesh: detectors with fewer than {MIN_POINTS} points are left out ({counts})"
+        detail = f"mesh: detectors with fewer than {MIN_POINTS} points are excluded ({counts})"
         warnings.append(Note(code="too_few_landmarks", detail=detail))
     trials = section.trials or paper.DEFAULT_TRIALS
     found = paper.informativeness(

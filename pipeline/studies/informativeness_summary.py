@@ -9,10 +9,12 @@ import numpy as np
 from pipeline.core.results import InformativenessProtocol, InformativenessRow
 from pipeline.core.settings import Detector
 from pipeline.kernels.copy_icp import DESCRIPTIONS, RULES
+from pipeline.report.numbers import percent
 from pipeline.studies.informativeness import TIE, Informativeness
 from pipeline.studies.statistics import quantiles
 
-#: K above this counts as "landmarks alone are better". The margin covers rounding; chosen by hand; not fitted.
+#: K above this counts as "landmarks alone are better". The margin covers rounding; chosen by hand; not
+#: fitted.
 ABOVE = 1 + 1e-6
 #: K from here on is reported in a column of its own (`share_at_least_10`); part of the result format.
 FAR_ABOVE = 10
@@ -23,6 +25,7 @@ ROWS_AT_ONCE = 10_000
 
 
 def protocol(study: Informativeness) -> InformativenessProtocol:
+    """The parameters of a study, as the result records them."""
     return InformativenessProtocol(
         trials=len(study.angle_deg),
         noise_mm=study.noise_mm,
@@ -35,7 +38,9 @@ def protocol(study: Informativeness) -> InformativenessProtocol:
 
 
 def rows(study: Informativeness) -> list[InformativenessRow]:
-    """One row a rule and detector. Shares are of all trials; quantiles of K leave ties out, `k.n` says what is left."""
+    """One row for each rule and detector. Shares refer to all trials; the quantiles of K exclude ties (`k.n`
+    trials).
+    """
     return [_row(study, detector, rule) for rule in range(len(RULES)) for detector in study.landmarks]
 
 
@@ -57,7 +62,7 @@ def _row(study: Informativeness, detector: Detector, rule: int) -> Informativene
 
 
 def write_trials(path: Path, study: Informativeness) -> None:
-    """trials.csv: a row a trial; the same study gives the same bytes."""
+    """Write trials.csv, one row for each trial; the same study gives the same bytes."""
     header = ["trial", "dx_mm", "dy_mm", "dz_mm", "angle_deg"]
     columns = [*study.translation_mm.T, study.angle_deg]
     for rule, name in enumerate(RULES):
@@ -74,54 +79,68 @@ def write_trials(path: Path, study: Informativeness) -> None:
             writer.writerows((first + number, *values) for number, values in enumerate(part))
 
 
-def summarize(used: InformativenessProtocol, found: Sequence[InformativenessRow]) -> str:
-    """The paragraph: how often landmarks alone did better, against ties and against random points."""
-    turned = f" and turned by up to {used.rotation_deg:g} degrees" if used.rotation_deg > 0 else ""
-    counts = sorted({row.points for row in found})
+def summarize(used: InformativenessProtocol, results: Sequence[InformativenessRow]) -> str:
+    """The paragraph of the report: how often landmarks alone did better, compared with ties and random
+    points.
+    """
+    rotation = f" and rotated by up to {used.rotation_deg:g} degrees" if used.rotation_deg > 0 else ""
+    counts = sorted({row.points for row in results})
+    points = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
     opening = (
-        f"In {used.trials:,} trials a copy of the shape was moved by up to {used.noise_mm:.3g} mm along each axis{turned}, "
-        f"and brought back by ICP of all {used.points:,} points and by ICP of a detector's "
-        f"{' to '.join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))} alone; K is the error of the former "
-        "over that of the latter."
+        f"In {used.trials:,} trials a copy of the shape was moved by up to {used.noise_mm:.3g} mm "
+        "along each axis"
+        f"{rotation}, then registered by ICP of all {used.points:,} points and by ICP of {points} "
+        "landmarks alone; "
+        "K is the error of the former divided by that of the latter."
     )
-    library, converged = ([row for row in found if row.icp == rule] for rule in RULES)
+    library, converged = ([row for row in results if row.icp == rule] for rule in RULES)
     if [_shares(row) for row in library] == [_shares(row) for row in converged]:
-        sentences = _sentences("By either rule for ending ICP", library, used.trials)
+        sentences = _sentences("With either stopping rule of ICP", library, used.trials)
     else:
-        sentences = _sentences("With ICP as a library ends it", library, used.trials)
+        sentences = _sentences("With the stopping rule of the library", library, used.trials)
         sentences += _sentences("With ICP to convergence", converged, used.trials)
-    raw = f"Counted as the paper does, K > 1 whatever the size of both errors, the share is {_listed(library, _raw)}"
+    raw = f"Counted as in the paper, K > 1 for errors of any size, the share is {_listed(library, _raw)}"
     if any(row.share_tie > 0 for row in library):
-        raw += ": in ties that compares rounding errors, which grow with the number of points summed, whatever the points"
+        raw += (
+            "; in ties this compares rounding errors, which grow with the number of summed points "
+            "for any choice "
+            "of points"
+        )
     return " ".join([opening, *sentences, f"{raw}."])
 
 
 def _sentences(start: str, group: Sequence[InformativenessRow], trials: int) -> list[str]:
-    """Sentences about one rule."""
+    """Sentences about one stopping rule."""
     if all(row.share_tie == 1 for row in group):
         return [
-            f"{start}, every trial of every detector was a tie, both errors being rounding errors: this cannot tell one "
-            "detector from another, nor landmarks from the complete shape."
+            f"{start}, every trial of every detector was a tie (both errors are rounding errors): the "
+            "study cannot "
+            "distinguish the detectors, nor landmarks from the complete shape."
         ]
     sentences = [
-        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; tied, both errors being "
-        f"rounding errors, in: {_listed(group, _tie)}; and did worse in the rest."
+        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; "
+        "tied (both errors "
+        f"are rounding errors) in {_listed(group, _tie)}; and did worse in the rest."
     ]
     random = next((row for row in group if row.detector == "random"), None)
     others = [row for row in group if row.detector != "random"]
     if random is not None and others:
         apart = {row.detector: _errors_apart(_no_worse(row), _no_worse(random), trials) for row in others}
+        limit = SIGNIFICANT_ERRORS
         sentences.append(
             "Better or tied more often than random points: "
-            f"{_names(detector for detector, errors in apart.items() if errors > SIGNIFICANT_ERRORS)}; less often: "
-            f"{_names(detector for detector, errors in apart.items() if errors < -SIGNIFICANT_ERRORS)}; within {SIGNIFICANT_ERRORS:g} standard "
-            f"errors: {_names(detector for detector, errors in apart.items() if abs(errors) <= SIGNIFICANT_ERRORS)}."
+            f"{_names(detector for detector, errors in apart.items() if errors > limit)}; less often: "
+            f"{_names(detector for detector, errors in apart.items() if errors < -limit)}; within {limit:g} "
+            f"standard errors: "
+            f"{_names(detector for detector, errors in apart.items() if abs(errors) <= limit)}."
         )
     return sentences
 
 
 def _errors_apart(share: float, other: float, trials: int) -> float:
-    """Difference of two shares in its standard errors, as if their trials were independent; of shared ones it is less."""
+    """Difference of two shares in standard errors, for independent trials; shared trials have a smaller
+    error.
+    """
     variance = (share * (1 - share) + other * (1 - other)) / trials
     return (share - other) / float(np.sqrt(max(variance, 1.0 / trials**2)))
 
@@ -147,11 +166,13 @@ def _shares(row: InformativenessRow) -> tuple[float, float, float]:
 
 
 def _listed(group: Sequence[InformativenessRow], share: Callable[[InformativenessRow], float]) -> str:
-    """`98.52% (t2), 97.10% (random)`, or one figure where all have the same."""
+    """`98.52 % (t2), 97.10 % (random)`, or one figure if all are equal."""
     values = [share(row) for row in group]
     if len(group) > 1 and len(set(values)) == 1:
-        return f"{values[0]:.2%} with every detector"
-    return ", ".join(f"{value:.2%} ({row.detector})" for value, row in zip(values, group, strict=True))
+        return f"{percent(values[0], 2)} with every detector"
+    return ", ".join(
+        f"{percent(value, 2)} ({row.detector})" for value, row in zip(values, group, strict=True)
+    )
 
 
 def _names(detectors: Iterable[Detector]) -> str:

@@ -1,6 +1,7 @@
-"""The pictures of both studies, `study.svg`. The same study gives the same bytes.
+"""The figures of both studies, `study.svg`. The same study gives the same bytes.
 
-matplotlib is imported when a picture is drawn, its object interface only: no global figure, no display.
+matplotlib is imported when a figure is drawn, and only its object interface is used: no global figure, no
+display.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ from pipeline.core.results import RepeatabilityProtocol, RepeatabilityRow
 from pipeline.core.settings import Detector
 from pipeline.kernels.copy_icp import RULES
 from pipeline.report import palette
+from pipeline.report.numbers import percent
 from pipeline.studies.informativeness import Informativeness
 from pipeline.studies.informativeness_summary import ABOVE
 
@@ -30,12 +32,12 @@ LABELS: dict[Detector, str] = {
     "farthest": "farthest point",
     "random": "random",
 }
-_RULE_LABELS = {"library": "ICP as a library ends it", "converged": "ICP to convergence"}
+_RULE_LABELS = {"library": "ICP, stopping rule of the library", "converged": "ICP to convergence"}
 _DASHES = ("-", "--", "-.", ":")  # with the colour, so that no two lines differ in colour alone
-# Okabe & Ito, "Color universal design" (2008): told apart by people who see colours differently
+# Okabe & Ito, "Color universal design" (2008): distinguishable with colour vision deficiency
 _WORSE, _TIE, _BETTER, _OTHER = "#D55E00", "#CCCCCC", "#0072B2", "#56B4E9"
-_MOST_STEPS = 500  # of a curve: a million trials are no drawing
-_ENDS = 6  # of log10 K: beyond, one of the two errors is a rounding error
+_MAX_STEPS = 500  # points of a curve: limits the size of the file
+_ENDS = 6  # limit of log10 K on the axis: beyond it one of the two errors is a rounding error
 _BAR_INCH = 0.3
 
 
@@ -59,7 +61,9 @@ def _write(path: Path, draw: Callable[[], "Figure"]) -> None:
 
 
 def draw_informativeness(study: Informativeness) -> "Figure":
-    """A row a rule: the curves of K over trials that are no ties, and beside them how many are better, worse, ties."""
+    """One row of panels for each stopping rule: distribution of K without ties; shares of better, worse and
+    ties.
+    """
     from matplotlib.figure import Figure
 
     height = len(RULES) * (1.9 + _BAR_INCH * len(study.landmarks)) + 0.8
@@ -71,10 +75,10 @@ def draw_informativeness(study: Informativeness) -> "Figure":
     lines, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(lines, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     moved = f"moved by up to {study.noise_mm:.3g} mm" + (
-        f", turned by up to {study.rotation_deg:g}°" if study.rotation_deg > 0 else ""
+        f", rotated by up to {study.rotation_deg:g}°" if study.rotation_deg > 0 else ""
     )
     figure.suptitle(
-        f"Landmarks alone against the complete shape: {len(study.angle_deg):,} copies, {moved}", fontsize=11
+        f"Landmarks alone against the complete shape: {len(study.angle_deg):,} trials, {moved}", fontsize=11
     )
     return figure
 
@@ -85,7 +89,7 @@ def _draw_curves(axes: "Axes", study: Informativeness, rule: int) -> None:
     for detector in study.landmarks:
         k = study.k(detector)[~study.ties(detector)[:, rule], rule]
         log_k = np.clip(np.log10(np.sort(np.maximum(k, np.finfo(np.float64).tiny))), -_ENDS, _ENDS)
-        shown = np.unique(np.linspace(0, len(k) - 1, min(len(k), _MOST_STEPS)).astype(np.int64))
+        shown = np.unique(np.linspace(0, len(k) - 1, min(len(k), _MAX_STEPS)).astype(np.int64))
         number = list(LABELS).index(detector)
         axes.step(
             np.concatenate([[-_ENDS], log_k[shown], [_ENDS]]),
@@ -108,7 +112,7 @@ def _draw_curves(axes: "Axes", study: Informativeness, rule: int) -> None:
     axes.set_xticks(ticks, labels=[rf"$\leq${ticks[0]}", *map(str, ticks[1:-1]), rf"$\geq${ticks[-1]}"])
     axes.set_ylim(0, 1.03 * untied or 1.0)
     axes.set_title(_RULE_LABELS[RULES[rule]], loc="left", fontsize=10)
-    axes.set_xlabel(r"$\log_{10} K$, ties left out; right of 0 landmarks alone are better", fontsize=9)
+    axes.set_xlabel(r"$\log_{10} K$, ties excluded; > 0: landmarks alone are better", fontsize=9)
     axes.set_ylabel("share of all trials up to K", fontsize=9)
     axes.grid(True, color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -121,14 +125,14 @@ def _draw_shares(axes: "Axes", study: Informativeness, rule: int) -> None:
         left = 0.0
         for share, colour, words in (
             (1 - better - tied, _WORSE, "worse"),
-            (tied, _TIE, "tie (both exact but for rounding)"),
+            (tied, _TIE, "tie (both exact up to rounding)"),
             (better, _BETTER, "better"),
         ):
             axes.barh(row, share, left=left, height=0.7, color=colour, label=words if row == 0 else None)
-            if share > 0.08:  # or the number is wider than its bar
+            if share > 0.08:  # otherwise the number is wider than its bar
                 ink = "black" if colour == _TIE else "white"
                 axes.text(
-                    left + share / 2, row, f"{share:.0%}", ha="center", va="center", fontsize=8, color=ink
+                    left + share / 2, row, percent(share, 0), ha="center", va="center", fontsize=8, color=ink
                 )
             left += share
     _name_bars(axes, list(study.landmarks))
@@ -147,7 +151,7 @@ def _draw_shares(axes: "Axes", study: Informativeness, rule: int) -> None:
 
 
 def draw_repeatability(protocol: RepeatabilityProtocol, rows: Sequence[RepeatabilityRow]) -> "Figure":
-    """A panel a condition, a bar a detector, chance marked on it."""
+    """One panel for each condition, one bar for each detector with a mark at the chance level."""
     from matplotlib.figure import Figure
 
     detectors = list(dict.fromkeys(row.detector for row in rows))
@@ -181,7 +185,8 @@ def draw_repeatability(protocol: RepeatabilityProtocol, rows: Sequence[Repeatabi
         axes.set_axisbelow(True)
     _name_bars(panels[0], detectors)
     figure.supxlabel(
-        f"share of {protocol.count} points found again within {protocol.eps_mm:.3g} mm ({protocol.eps:.1%} of the "
+        f"share of {protocol.count} points found again within {protocol.eps_mm:.3g} mm "
+        f"({percent(protocol.eps)} of the "
         f"diagonal), mean of {protocol.trials} trials",
         fontsize=9,
     )

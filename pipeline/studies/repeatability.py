@@ -1,12 +1,14 @@
-"""Are landmarks found again on another mesh of the same shape? Salti, Tombari, Di Stefano, "A performance evaluation
-of 3D keypoint detectors" (2011): relative repeatability at a stated eps, here with a fixed number of points.
+"""Repeatability of landmarks: does a detector find the same points on another mesh of the same shape?
 
-A trial makes a scan of the shape: turned at random, triangulated anew, with noise, and in one condition cropped. The
-whole analysis runs on both, on its own working meshes. A detector gives `count` points on either, at least `spacing`
-apart (> 2 eps, so that a point has one partner at most).
+Salti, Tombari, Di Stefano, "A performance evaluation of 3D keypoint detectors" (2011): relative
+repeatability at a stated eps, here with a fixed number of points.
 
-repeatability = pairs within eps, one to one / points that could be seen again. A detector that gives fewer than `count`
-points has missed the others.
+A trial simulates a scan of the shape: randomly rotated, triangulated again, with noise, and in one
+condition cropped. The whole analysis runs on both meshes. A detector gives `count` points on each, at
+least `spacing` apart (> 2 eps, so a point has at most one partner).
+
+repeatability = one-to-one pairs within eps / points that the scan contains. A detector with fewer than
+`count` points is charged for the missing ones.
 """
 
 import csv
@@ -27,6 +29,7 @@ from pipeline.core.settings import Detector, Settings
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
 from pipeline.kernels.fpfh import fpfh
+from pipeline.report.numbers import percent
 from pipeline.search.types import DescribedMesh
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
@@ -34,17 +37,24 @@ from pipeline.stages.matching import match
 from pipeline.studies.simulated_scan import conditions, simulate_scan
 from pipeline.studies.statistics import quantiles
 
+#: Points of each detector and trials of each condition if the settings name none. Chosen by hand.
 DEFAULT_COUNT = 20
 DEFAULT_TRIALS = 5
+#: Min distance between the points of a detector in eps: more than 2, so a point has at most one partner
+#: (derived).
 SPACING_EPS = 2.5
+#: Draws of random points that the chance level is averaged over. Chosen by hand.
 CHANCE_DRAWS = 20
-RIGHT_SHARE = 0.01  # of the diagonal: a pose this near the truth is right
+#: A pose is correct if its RMS error is below this share of the diagonal. Chosen by hand; not fitted.
+RIGHT_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One detector in one trial. repeatability, chance : share; points : mean number on the two meshes; pose_error_mm :
-    None when its points gave no pose
+    """One detector in one trial.
+
+    repeatability, chance : in [0, 1]; points : mean number on the two meshes; visible : points that the
+    scan contains; pose_error_mm : RMS, None if the points gave no pose
     """
 
     condition: str
@@ -59,7 +69,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class _Analysed:
-    """One mesh analysed once, for all detectors."""
+    """Keypoints of all detectors on one mesh, and its descriptors."""
 
     side: DescribedMesh
     keypoints: Mapping[Detector, LandmarkSet]
@@ -70,22 +80,26 @@ def repeatability(
 ) -> tuple[RepeatabilityProtocol, list[Trial]]:
     """All trials, in order of condition, trial and detector.
 
-    mesh : the cleaned mesh of the shape; on_share : hears the share done and what is being done
+    mesh : the cleaned mesh of the shape; on_share : receives the finished share and a message
     """
-    asked = settings.study
+    section = settings.study
     diagonal = mesh.diagonal_mm
-    eps_mm, count, trials = asked.eps * diagonal, asked.count or DEFAULT_COUNT, asked.trials or DEFAULT_TRIALS
-    todo = conditions(None if asked.noise_mm is None else asked.noise_mm / diagonal)
+    eps_mm, count, trials = (
+        section.eps * diagonal,
+        section.count or DEFAULT_COUNT,
+        section.trials or DEFAULT_TRIALS,
+    )
+    plan = conditions(None if section.noise_mm is None else section.noise_mm / diagonal)
     scales = Scales.of(mesh, settings)
     spacing_mm = max(SPACING_EPS * eps_mm, settings.landmarks.spacing_radii * scales.radius_mm)
-    detectors = tuple(dict.fromkeys(asked.detectors))
+    detectors = tuple(dict.fromkeys(section.detectors))
     whole = _analyse(mesh, detectors, count, spacing_mm, scales, settings, seed)
 
     done: list[Trial] = []
-    for c, condition in enumerate(todo):
+    for c, condition in enumerate(plan):
         for trial in range(trials):
             on_share(
-                (c * trials + trial) / (len(todo) * trials),
+                (c * trials + trial) / (len(plan) * trials),
                 f"{condition.name}, trial {trial + 1} of {trials}",
             )
             rng = np.random.default_rng([seed, c, trial])
@@ -99,17 +113,17 @@ def repeatability(
                 done.append(Trial(condition.name, trial, detector, share, chance, points, visible, error))
     protocol = RepeatabilityProtocol(
         trials=trials,
-        eps=asked.eps,
+        eps=section.eps,
         eps_mm=eps_mm,
         count=count,
         spacing_mm=spacing_mm,
-        conditions=[condition.name for condition in todo],
+        conditions=[condition.name for condition in plan],
     )
     return protocol, done
 
 
 def rows(trials: Sequence[Trial], diagonal_mm: float) -> list[RepeatabilityRow]:
-    """One row a condition and detector, in the order they first occur."""
+    """One row for each condition and detector, in order of first occurrence."""
     found = []
     for condition, detector in dict.fromkeys((trial.condition, trial.detector) for trial in trials):
         group = [trial for trial in trials if (trial.condition, trial.detector) == (condition, detector)]
@@ -130,7 +144,7 @@ def rows(trials: Sequence[Trial], diagonal_mm: float) -> list[RepeatabilityRow]:
 
 
 def write_trials(path: Path, trials: Sequence[Trial]) -> None:
-    """trials.csv: a row a condition, trial and detector; empty where its points gave no pose."""
+    """Write trials.csv, one row for each condition, trial and detector; a missing pose error is empty."""
     names = [field.name for field in fields(Trial)]
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -140,22 +154,24 @@ def write_trials(path: Path, trials: Sequence[Trial]) -> None:
             writer.writerow(["" if value is None else value for value in values])
 
 
-def summarize(protocol: RepeatabilityProtocol, found: Sequence[RepeatabilityRow]) -> str:
-    """The paragraph: who is found again how often, against chance, and what pose comes of it."""
-    first = [row for row in found if row.condition == protocol.conditions[0]]
+def summarize(protocol: RepeatabilityProtocol, results: Sequence[RepeatabilityRow]) -> str:
+    """The paragraph of the report: repeatability by detector, the chance level, and the poses."""
+    first = [row for row in results if row.condition == protocol.conditions[0]]
     best = max(first, key=lambda row: row.mean)
-    told = ", ".join(f"{row.detector} {row.mean:.2f}" for row in sorted(first, key=lambda row: -row.mean))
     worst = min(first, key=lambda row: row.mean)
+    listed = ", ".join(f"{row.detector} {row.mean:.2f}" for row in sorted(first, key=lambda row: -row.mean))
     chance = float(np.mean([row.chance for row in first]))
-    harder = [row for row in found if row.detector == best.detector and row.condition != best.condition]
-    after = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in harder)
+    others = [row for row in results if row.detector == best.detector and row.condition != best.condition]
+    harder = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in others)
     return (
-        f"Of {protocol.count} points asked of each detector, this share was found again within {protocol.eps:.1%} of the "
-        f"diagonal ({protocol.eps_mm:.3g} mm) on a mesh with other triangles and {best.condition}: {told}; random points of "
-        f"that number meet by chance in {chance:.2f}. Most often found again: {best.detector}"
-        + (f" ({after})" if after else "")
-        + f"; least often: {worst.detector}. A pose within {RIGHT_SHARE:.0%} of the diagonal came from the points of "
-        + ", ".join(f"{row.detector} in {row.pose_right:.0%}" for row in first)
+        f"Repeatability of {protocol.count} points of each detector within {percent(protocol.eps)} of "
+        "the diagonal "
+        f"({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: {listed}; "
+        "the same number of "
+        f"random points reaches {chance:.2f} by chance. Highest: {best.detector}"
+        + (f" ({harder})" if harder else "")
+        + f"; lowest: {worst.detector}. The landmarks gave a pose within {percent(RIGHT_SHARE, 0)} of the diagonal for "
+        + ", ".join(f"{row.detector} in {percent(row.pose_right, 0)}" for row in first)
         + f" of {protocol.trials} trials."
     )
 
@@ -203,7 +219,7 @@ def _compare(
         np.average(seen(whole.side.mesh.vertices), weights=whole.side.mesh.vertex_areas_mm2())
     )
     shown = first[seen(first)]
-    # points never given count as seen in the share of the surface that is
+    # missing points count as visible in proportion to the visible area
     visible = len(shown) + (count - len(first)) * visible_area
     back = rigid.transformed(rigid.inverse(T_scan_design), second)
     return pairs_within(shown, back, eps_mm) / max(visible, 1.0), (len(first) + len(second)) / 2, visible
@@ -218,7 +234,7 @@ def _chance_level(
     eps_mm: float,
     rng: np.random.Generator,
 ) -> float:
-    """What `count` points drawn by area on either mesh reach, on average over some draws."""
+    """Mean repeatability of `count` area-weighted random points on each mesh, over `CHANCE_DRAWS` draws."""
     shares = []
     for _ in range(CHANCE_DRAWS):
         first, second = (_random_points(side.side.mesh, count, rng) for side in (whole, again))
@@ -233,7 +249,7 @@ def _random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> FloatArr
 
 
 def pairs_within(first: FloatArray, second: FloatArray, eps_mm: float) -> int:
-    """The most pairs, one to one, of points (k, 3) and (m, 3) at most `eps_mm` apart."""
+    """Max number of one-to-one pairs of points (k, 3) and (m, 3) at most `eps_mm` apart."""
     if len(first) == 0 or len(second) == 0:
         return 0
     near = cKDTree(first).sparse_distance_matrix(cKDTree(second), eps_mm, output_type="coo_matrix")
@@ -251,7 +267,9 @@ def _pose_error_mm(
     settings: Settings,
     seed: int,
 ) -> float | None:
-    """RMS displacement of the scan's vertices under the fit of matched landmarks; hypotheses from landmark pairs only."""
+    """RMS error in mm of the pose from matched landmarks, over the scan's vertices; landmark hypotheses
+    only.
+    """
     design, other = (
         DescribedMesh(analysed.side.mesh, analysed.keypoints[detector], analysed.side.descriptors)
         for analysed in (whole, again)

@@ -1,4 +1,6 @@
-"""A simulated scan of a shape, with a known pose: other triangles, measurement noise, and optionally a missing part."""
+"""A simulated scan of a shape, with a known pose: other triangles, measurement noise, and optionally a
+missing part.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ VERTEX_SPREAD = 0.25
 REMESH_ITERATIONS = 4
 #: Share of the scan's vertices removed by a plane in the cropped condition; chosen by hand; not fitted.
 CROP = 0.3
-#: Standard deviation of the noise over the diagonal: a good scanner and a poor one; chosen by hand; not fitted.
+#: Standard deviation of the noise over the diagonal; chosen by hand; not fitted.
 LOW_NOISE_SHARE = 0.001
 HIGH_NOISE_SHARE = 0.003
 
@@ -55,8 +57,8 @@ def simulate_scan(
 ) -> tuple[Mesh, Callable[[FloatArray], BoolArray], FloatArray]:
     """The scan, a function that says which points (k, 3) of the shape it contains, and T_scan_design (4, 4).
 
-    mesh : the shape, mm. The shape is rotated before it is remeshed, so no two scans share triangles. The noise is
-    Gaussian along the vertex normals.
+    mesh : the shape, mm. The shape is rotated before it is remeshed, so no two scans share triangles. The
+    noise is Gaussian along the vertex normals.
     """
     T_scan_design = _random_motion(rng, mesh.diagonal_mm)
     moved = mesh.moved(T_scan_design)

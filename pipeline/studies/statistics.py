@@ -1,4 +1,4 @@
-"""What both studies share: distributions over trials."""
+"""Distributions over trials, for both studies."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 def quantiles(values: Sequence[float] | FloatArray) -> Quantiles:
-    """Of the finite ones; null without any."""
+    """Quantiles of the finite `values`; null if there are none."""
     finite = np.asarray(values, dtype=np.float64)
     finite = finite[np.isfinite(finite)]
     found = np.quantile(finite, LEVELS).tolist() if finite.size else [None] * len(LEVELS)

@@ -64,7 +64,8 @@ def test_it_says_what_the_results_say(made: tuple[Path, RegistrationResult]) -> 
     assert "report.pdf" in result.files and not [note for note in result.warnings if note.code == "no_pdf"]
     pages = words((out / "report.pdf").read_bytes())
     assert result.deviation is not None and result.metrics.rmse_mm is not None
-    for figure in (f"{result.deviation.rms_mm:.3f} mm", f"{result.deviation.within:.1%}", "ok confidence"):
+    within = f"{100 * (result.deviation.within or 0):.1f} %"
+    for figure in (f"{result.deviation.rms_mm:.3f} mm", within, "ok confidence"):
         assert figure in pages[0]
     assert f"RMSE of the final pose {result.metrics.rmse_mm:.3f} mm" in " ".join(pages)
     assert result.provenance.inputs.scan.sha256 in "".join(pages).replace(" ", "")

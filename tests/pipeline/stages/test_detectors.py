@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import Detector, FeaturesSettings
 from pipeline.kernels.geodesics import GeodesicSolver
-from pipeline.stages.detectors import COMPETITORS, DetectorInput, RankedKeypoints
+from pipeline.stages.detectors import DETECTORS, DetectorInput, RankedKeypoints
 from pipeline.stages.features import features
 from tests.support import shapes
 
@@ -38,19 +38,19 @@ def blob() -> DetectorInput:
 
 
 def test_there_is_one_for_every_name_of_the_settings_but_t2() -> None:
-    assert list(COMPETITORS) == EVERY
+    assert list(DETECTORS) == EVERY
 
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_vertex_is_a_candidate_the_best_first(name: Detector, blob: DetectorInput) -> None:
-    found = COMPETITORS[name](blob)
+    found = DETECTORS[name](blob)
     assert_ordered(found)
     assert len(found.vertex) == len(blob.mesh.vertices)
 
 
 @pytest.mark.parametrize("name", BY_MAXIMA)
 def test_maxima_are_stronger_than_what_fills_up(name: Detector, blob: DetectorInput) -> None:
-    strength = COMPETITORS[name](blob).strength
+    strength = DETECTORS[name](blob).strength
     tops = int((strength >= 1).sum())
     assert 3 <= tops < 100
     assert strength[tops] <= 0.5
@@ -62,8 +62,8 @@ def test_turning_and_scaling_the_part_keeps_the_vertices(
     name: Detector, factor: float, blob: DetectorInput
 ) -> None:
     moved = blob.mesh.moved(shapes.motion(5))
-    after = COMPETITORS[name](scene(Mesh(moved.vertices * factor, moved.faces), RADIUS_MM * factor))
-    before = COMPETITORS[name](blob)
+    after = DETECTORS[name](scene(Mesh(moved.vertices * factor, moved.faces), RADIUS_MM * factor))
+    before = DETECTORS[name](blob)
     np.testing.assert_array_equal(before.vertex[: 3 * COUNT], after.vertex[: 3 * COUNT])
     np.testing.assert_allclose(before.strength, after.strength, rtol=1e-4, atol=1e-6)
 
@@ -73,8 +73,8 @@ def test_renumbering_vertices_and_faces_keeps_the_positions(name: Detector, blob
     rng = np.random.default_rng(2)
     old_of_new = rng.permutation(len(blob.mesh.vertices))
     faces = rng.permutation(np.argsort(old_of_new)[blob.mesh.faces])
-    after = COMPETITORS[name](scene(Mesh(blob.mesh.vertices[old_of_new], faces)))
-    before = COMPETITORS[name](blob)
+    after = DETECTORS[name](scene(Mesh(blob.mesh.vertices[old_of_new], faces)))
+    before = DETECTORS[name](blob)
     np.testing.assert_array_equal(before.vertex[: 3 * COUNT], old_of_new[after.vertex[: 3 * COUNT]])
 
 
@@ -84,7 +84,7 @@ def test_threads_do_not_change_a_bit(name: Detector) -> None:
     found = []
     for threads in (1, 2):
         with threadpool_limits(limits=threads):
-            found.append(COMPETITORS[name](scene(mesh, threads=threads)))
+            found.append(DETECTORS[name](scene(mesh, threads=threads)))
     np.testing.assert_array_equal(found[0].vertex, found[1].vertex)
     np.testing.assert_array_equal(found[0].strength, found[1].strength)
 
@@ -108,7 +108,7 @@ def test_pieces_open_borders_and_lone_vertices_are_fine(name: Detector) -> None:
     mesh = broken()
     with np.errstate(divide="ignore", invalid="ignore"):  # features of a vertex without surface
         what_is_seen = scene(mesh)
-    found = COMPETITORS[name](what_is_seen)
+    found = DETECTORS[name](what_is_seen)
     assert_ordered(found)
     assert len(found.vertex) >= 3 * COUNT
     assert (mesh.vertex_areas_mm2()[found.vertex] > 0).all()
@@ -117,7 +117,7 @@ def test_pieces_open_borders_and_lone_vertices_are_fine(name: Detector) -> None:
 @pytest.mark.parametrize("name", EVERY)
 def test_a_lone_triangle_is_fine(name: Detector) -> None:
     mesh = Mesh(np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0]]), np.array([[0, 1, 2]]))
-    assert_ordered(COMPETITORS[name](scene(mesh)))
+    assert_ordered(DETECTORS[name](scene(mesh)))
 
 
 def tips(mesh: Mesh, found: RankedKeypoints, count: int) -> FloatArray:
@@ -128,13 +128,13 @@ def tips(mesh: Mesh, found: RankedKeypoints, count: int) -> FloatArray:
 def test_ends_of_a_long_part_come_first(name: Detector) -> None:
     long = shapes.icosphere(1.0, 3)
     stretched = Mesh(long.vertices * [12.0, 3.0, 2.5], long.faces)
-    ends = tips(stretched, COMPETITORS[name](scene(stretched, 1.5)), 2)
+    ends = tips(stretched, DETECTORS[name](scene(stretched, 1.5)), 2)
     np.testing.assert_allclose(np.sort(ends[:, 0]), [-12.0, 12.0], atol=0.5)
 
 
 def test_gaussian_curvature_finds_the_corners_of_a_box() -> None:
     box = shapes.box((6.0, 5.0, 4.0), 3)
-    corners = tips(box, COMPETITORS["gaussian_curvature"](scene(box, 1.0)), 8)
+    corners = tips(box, DETECTORS["gaussian_curvature"](scene(box, 1.0)), 8)
     assert {tuple(point) for point in corners.tolist()} == {
         (x, y, z) for x in (0.0, 6.0) for y in (0.0, 5.0) for z in (0.0, 4.0)
     }
@@ -152,7 +152,7 @@ def test_random_follows_area_and_seed() -> None:
     firsts = []
     for seed in range(400):
         drawn = DetectorInput(both, base.surface, base.features, COUNT, RADIUS_MM, seed)
-        firsts.append(COMPETITORS["random"](drawn).vertex[0] >= n)
+        firsts.append(DETECTORS["random"](drawn).vertex[0] >= n)
     assert np.mean(firsts) == pytest.approx(0.8, abs=0.06)
-    again = COMPETITORS["random"](base).vertex
-    np.testing.assert_array_equal(again, COMPETITORS["random"](base).vertex)
+    again = DETECTORS["random"](base).vertex
+    np.testing.assert_array_equal(again, DETECTORS["random"](base).vertex)

@@ -180,12 +180,12 @@ def test_words_compare_with_random_points() -> None:
     words = summarize(protocol(study), rows(study))
     assert "In 1,000 trials" in words
     assert "3 mm" in words
-    assert "turned" not in words
-    assert "90.00% (t2), 50.00% (iss)" in words
+    assert "rotated" not in words
+    assert "90.00 % (t2), 50.00 % (iss)" in words
     assert "more often than random points: t2; less often: none; within 3 standard errors: iss, hks" in words
     turned = made([1.0] * 4, {"t2": [2.0] * 4}, rotation_deg=12.0)
     words = summarize(protocol(turned), rows(turned))
-    assert "turned by up to 12 degrees" in words
+    assert "rotated by up to 12 degrees" in words
     assert "random" not in words
 
 
