@@ -85,7 +85,9 @@ def test_a_design_is_sent_once(running: RunningService, design: Path, scan: Path
     results = [running.client.register(blob, scan, settings=SETTINGS).result(240) for _ in range(2)]
     assert {result.provenance.inputs.design.sha256 for result in results} == {blob.id.removeprefix("sha256:")}
     assert isinstance(running.client.landmarks(blob, settings=SETTINGS).result(240), LandmarksResult)
-    study = running.client.study(blob, settings=SETTINGS, study={"trials": 5, "detectors": ["t2"]}).result(240)
+    study = running.client.study(blob, settings=SETTINGS, study={"trials": 5, "detectors": ["t2"]}).result(
+        240
+    )
     assert study.protocol.trials == 5
 
 

@@ -10,14 +10,16 @@ import pipeline
 from pipeline import Settings
 from pipeline.core.errors import TooFewLandmarks
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.settings import ResampleSettings, SegmentationSettings
+from pipeline.core.settings import FeaturesSettings, ResampleSettings, SegmentationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 from pipeline.studies.repeatability import Condition, pairs_within, repeatability, rows, scanned
 from tests.support import shapes
 from tests.support.scans import save
 
-QUICK = Settings(resample=ResampleSettings(target_vertices=1500))
+QUICK = Settings(
+    resample=ResampleSettings(target_vertices=1500), features=FeaturesSettings(target_vertices=3000)
+)
 
 
 @pytest.fixture(scope="module")
