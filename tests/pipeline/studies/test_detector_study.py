@@ -10,7 +10,7 @@ import pipeline
 from pipeline import Settings
 from pipeline.core.errors import TooFewLandmarks
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.settings import ResampleSettings, SegmentationSettings
+from pipeline.core.settings import FeaturesSettings, ResampleSettings, SegmentationSettings
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Surface
 from pipeline.studies.repeatability import pairs_within, repeatability, rows
@@ -18,7 +18,9 @@ from pipeline.studies.simulated_scan import Condition, simulate_scan
 from tests.support import shapes
 from tests.support.scans import save
 
-QUICK = Settings(resample=ResampleSettings(target_vertices=1500))
+QUICK = Settings(
+    resample=ResampleSettings(target_vertices=1500), features=FeaturesSettings(target_vertices=3000)
+)
 
 
 @pytest.fixture(scope="module")

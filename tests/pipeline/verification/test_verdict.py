@@ -27,7 +27,10 @@ def codes(result: pipeline.RegistrationResult) -> set[str]:
     return {finding.code for finding in result.verdict.findings}
 
 
-@pytest.mark.parametrize(("per_mm", "factor"), [(25.4, 25.4), (1000.0, 1000.0), (0.1, 0.1)])
+@pytest.mark.parametrize(
+    ("per_mm", "factor"),
+    [(25.4, 25.4), *(pytest.param(x, x, marks=pytest.mark.nightly) for x in (1000.0, 0.1))],
+)
 def test_a_scan_in_another_unit_is_told_with_the_factor_and_the_pose(
     tmp_path: Path, per_mm: float, factor: float
 ) -> None:
@@ -111,7 +114,7 @@ def test_the_part_of_the_scan_that_looks_alike_everywhere_is_ambiguous(tmp_path:
     assert result.transform is not None and len(result.alternatives) >= 1
 
 
-@pytest.mark.parametrize("shape", ["torus", "tube", "sphere"])
+@pytest.mark.parametrize("shape", ["torus", "tube", pytest.param("sphere", marks=pytest.mark.nightly)])
 def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -> None:
     made = {
         "torus": shapes.torus(),
@@ -182,6 +185,7 @@ def test_matches_are_of_the_pose_that_is_given() -> None:
     assert misled.rmse_landmarks_mm == pytest.approx(right.rmse_landmarks_mm, rel=0.2)
 
 
+@pytest.mark.nightly
 def test_two_places_without_any_noise_are_ambiguous(tmp_path: Path) -> None:
     """What exact copies leave is rounding: its ratio says nothing."""
     part = shapes.rack()
@@ -191,6 +195,7 @@ def test_two_places_without_any_noise_are_ambiguous(tmp_path: Path) -> None:
     assert result.verdict.status == "ambiguous"
 
 
+@pytest.mark.nightly
 def test_a_bolt_in_inches_is_told_although_it_can_turn(tmp_path: Path) -> None:
     part = shapes.beads()
     scan = noisy(part, 2)
@@ -200,6 +205,7 @@ def test_a_bolt_in_inches_is_told_although_it_can_turn(tmp_path: Path) -> None:
     assert result.verdict.status == "units_suspect" and "free_motion" in codes(result)
 
 
+@pytest.mark.nightly
 def test_another_part_is_no_match(tmp_path: Path) -> None:
     design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
     result = register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)

@@ -73,13 +73,13 @@ def before_call(_: Any, case: Any, __: Any) -> None:
     if case.media_type != "application/octet-stream" or not hasattr(case.body, "data"):
         return
     content: bytes = case.body.data
-    draw = zlib.crc32(content)
+    draw = sent.total()
     if draw % 3 == 0:
         packed = gzip.compress(content)
-        case.body = type(case.body)(packed if draw % 2 else packed[:-3])
+        case.body = type(case.body)(packed if draw // 3 % 2 else packed[:-3])
         case.headers["Content-Encoding"] = "gzip"
     elif draw % 3 == 1:
-        digest = hashlib.sha256(content if draw % 2 else b"other").hexdigest()
+        digest = hashlib.sha256(content if draw // 3 % 2 else b"other").hexdigest()
         case.headers["Content-Digest"] = content_digest(digest)
     sent[draw % 3] += 1
 

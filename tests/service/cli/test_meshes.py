@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from pipeline import LandmarksResult, SegmentsResult, StudyResult
 from service.cli.main import app
 from tests.support.meshes import blob_stl
+from tests.support.settings import FAST
 
 FEW_TRIALS = ("--trials", 20, "--detectors", "t2,iss", "--detectors", "random")
 
@@ -24,11 +25,7 @@ def blob(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("settings") / "quick.json"
-    settings = {
-        "resample": {"target_vertices": 400},
-        "segmentation": {"n_centres": 9},
-        "landmarks": {"count": 7},
-    }
+    settings = {**FAST, "segmentation": {"n_centres": 9}, "landmarks": {"count": 7}}
     path.write_text(json.dumps(settings))
     return path
 
