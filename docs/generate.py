@@ -1,7 +1,7 @@
 """Write the generated parts of the documentation from the models: `python -m docs.generate` (or `make docs`).
 
 `settings.md` is generated as a whole. In `results-and-verdicts.md` the tables of fields are generated,
-between two marker lines. `tests/docs/test_reference.py` fails when a file differs from what this module makes.
+between two marker lines. `tests/docs/test_reference.py` fails when a file is out of date.
 """
 
 import json

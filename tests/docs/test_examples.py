@@ -18,13 +18,19 @@ import pytest
 from service.client import Client
 from tests.support.markdown import DOCS, README, blocks, pages
 from tests.support.meshes import blob_stl
-from tests.support.running import QUICK, RunningService, wait_until
+from tests.support.running import RunningService, wait_until
 from tests.support.storage import free_port
 
 pytestmark = pytest.mark.e2e
 
 ADDRESS = "http://127.0.0.1:8000"
-FAST = QUICK["settings"]
+FAST = {  # the whole method on small meshes; the verdict of the examples stays `ok`
+    "resample": {"target_vertices": 300},
+    "features": {"target_vertices": 300},
+    "matching": {"max_hypotheses": 4, "dense_pairs": False, "sample_points": 200, "max_pairs": 300},
+    "registration": {"sample_points": 500},
+}
+WAIT = "curl -sf -H 'Prefer: wait=60' $URL/v1/jobs/$JOB"
 TRIALS = 20
 
 
@@ -49,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
 def run(command: list[str], folder: Path) -> str:
     environment = {**os.environ, "NO_PROXY": "*", "no_proxy": "*"}
     done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=180, check=False
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=280, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -70,6 +76,9 @@ def test_shell_examples_work(page: str, block: str, running: RunningService, fol
     script = script.replace(
         "-F scan=@scan.stl $URL", f"-F scan=@scan.stl -F 'options={{\"settings\": {fast}}}' $URL"
     )
+    script = re.sub(
+        rf"^{re.escape(WAIT)}.*$", "; ".join([WAIT] * 4), script, flags=re.MULTILINE
+    )  # a busy machine
     printed = run(["bash", "-euxo", "pipefail", "-c", script], folder)
     assert "application/problem+json" not in printed
     assert '"failed"' not in printed
@@ -99,22 +108,18 @@ def test_client_examples_work(page: str, block: str, running: RunningService, fo
     script = block.replace(ADDRESS, server).replace(
         "tolerance_mm=0.2", f"tolerance_mm=0.2, settings={FAST!r}"
     )
-    script = script.replace('print(register("design.stl", "scan.stl", ', f"{_print_register(server)}, ")
+    script = script.replace("timeout_s=120", "timeout_s=240")  # a busy machine
     printed = run([sys.executable, "-c", script], folder)
     assert re.search(r"\bok\b", printed), printed
     if 'download("result")' in block:
         assert (folder / "result" / "report.html").exists()
 
 
-def _print_register(server: str) -> str:
-    return f'print(register("design.stl", "scan.stl", server={server!r}'
-
-
 @pytest.mark.parametrize(("page", "block"), LIBRARY, ids=[name for name, _ in LIBRARY])
 def test_library_examples_work(page: str, block: str, folder: Path) -> None:
-    script = block.replace("Settings()", f"Settings.model_validate({FAST!r})").replace(
-        "trials=1000", f"trials={TRIALS}"
-    )
+    script = block.replace("Settings()", "FAST").replace('"part.stl"', '"part.stl", settings=FAST')
+    script = script.replace("trials=1000", f"trials={TRIALS}")
+    script = f"import pipeline\nFAST = pipeline.Settings.model_validate({FAST!r})\n{script}"
     printed = run([sys.executable, "-c", script], folder)
     assert printed.startswith("ok "), printed
     assert (folder / "result" / "results.json").exists()
@@ -137,7 +142,7 @@ def test_the_webhook_receiver_works(running: RunningService, folder: Path) -> No
                 folder / "design.stl", settings=FAST, webhook={"url": f"http://127.0.0.1:{port}/"}
             )
             line = f"job.successful {job.id}"
-            wait_until(lambda: line in heard.read_text(), 60, "the message to arrive")
+            wait_until(lambda: line in heard.read_text(), 120, "the message to arrive")
     finally:
         process.kill()
         process.wait()
