@@ -30,7 +30,7 @@ DESCRIPTIONS = {
     "changes by less than "
     f"{LIBRARY_TOLERANCE:g} mm, at most {LIBRARY_ITERATIONS} iterations; no limit to the distance of a pair",
     "converged": "until no pair changes, so that every further motion is the same, at most "
-    "{MAX_ITERATIONS} iterations; "
+    f"{MAX_ITERATIONS} iterations; "
     "no limit to the distance of a pair",
 }
 

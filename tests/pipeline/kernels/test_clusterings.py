@@ -1,4 +1,6 @@
-"""The clusterings of the paper's figure 1, on points whose clusters are known and against what each method promises."""
+"""The clusterings of the paper's figure 1, on points whose clusters are known and against what each
+method promises.
+"""
 
 from itertools import combinations
 from typing import get_args

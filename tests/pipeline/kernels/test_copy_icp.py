@@ -27,7 +27,9 @@ def motions(count: int, turn_deg: float, shift_mm: float, seed: int = 0) -> Floa
 
 
 def plain(points: FloatArray, T_copy_points: FloatArray) -> tuple[list[FloatArray], list[float]]:
-    """Every motion of plain ICP until no pair changes, and the RMS distance of the pairs at the start and under each."""
+    """Every motion of plain ICP until no pair changes, and the RMS distance of the pairs at the start and
+    under each.
+    """
     copy = rigid.transformed(T_copy_points, points)
     tree = cKDTree(points)
     distance, pairs = tree.query(copy)

@@ -274,7 +274,9 @@ def test_pieces_are_infinitely_far_apart_and_counted_last() -> None:
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_any_mesh_gives_distances_and_never_a_crash(data: st.DataObject) -> None:
-    """Repeated and reversed faces, faces that name a vertex twice, edges of many faces, needles, vertices in one place."""
+    """Repeated and reversed faces, faces that name a vertex twice, edges of many faces, needles, vertices
+    in one place.
+    """
     n = data.draw(st.integers(1, 12))
     extreme = data.draw(st.booleans())
     coordinate = st.sampled_from([0.0, 1.0, 2.0, 0.5, 1 / 3, *([1e-9, 1e6] if extreme else [1e-3, 50.0])])

@@ -28,7 +28,9 @@ def test_a_ball_is_seen_from_all_around_and_not_at_all_inside_a_shell() -> None:
 
 
 def test_the_share_of_the_area_that_is_buried_is_what_is_hidden() -> None:
-    """The caps of a ball above the height h of a box that covers it: (1 - h / r) / 2 of the area stays outside."""
+    """The caps of a ball above the height h of a box that covers it: (1 - h / r) / 2 of the area stays
+    outside.
+    """
     ball, box = shapes.icosphere(10.0, 4), shapes.box((60.0, 60.0, 60.0), 2)
     for height in (-5.0, 0.0, 5.0):
         buried_below = box.moved(rigid.compose(np.eye(3), np.array([0.0, 0.0, height - 30.0])))

@@ -1,4 +1,6 @@
-"""Files to look at: what they show is what results.json says, they need nothing else, and are the same each time."""
+"""Files to look at: what they show is what results.json says, they need nothing else, and are the same
+each time.
+"""
 
 import re
 from base64 import b64decode
@@ -160,7 +162,8 @@ def test_a_scan_that_does_not_fit_has_a_page_without_deviation(tmp_path: Path) -
     text = (tmp_path / "out" / "report.html").read_text()
     outline(text)
     assert "Deviation of the scan" not in text and result.verdict.status.replace("_", " ") in text
-    # What was tried is shown for what it is, and both meshes with their sizes: why they do not fit can be seen.
+    # What was tried is shown for what it is, and both meshes with their sizes: why they do not fit can be
+    # seen.
     assert (
         "Not a measurement" in text
         and "material is missing" not in text

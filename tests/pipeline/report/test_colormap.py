@@ -15,7 +15,9 @@ def lightness(rgb: np.ndarray) -> np.ndarray:
 
 
 def test_the_map_is_morelands() -> None:
-    """Its ends are given, its middle is grey (221, 221, 221), and lightness rises to the middle and falls after it."""
+    """Its ends are given, its middle is grey (221, 221, 221), and lightness rises to the middle and falls
+    after it.
+    """
     found = table()
     assert np.allclose(found[0] * 255, BLUE, atol=0.6) and np.allclose(found[-1] * 255, RED, atol=0.6)
     assert np.allclose(found[128] * 255, 221, atol=1.0)

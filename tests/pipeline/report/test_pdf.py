@@ -1,4 +1,6 @@
-"""`report.pdf` is `report.html` on paper: the same words and pictures, whole, alone, and the same each time."""
+"""`report.pdf` is `report.html` on paper: the same words and pictures, whole, alone, and the same each
+time.
+"""
 
 import io
 import os
@@ -134,7 +136,10 @@ def test_nothing_is_fetched(tmp_path: Path) -> None:
     Image.new("RGB", (8, 8), (255, 0, 0)).save(tmp_path / "secret.png")
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"http://127.0.0.1:{server.getsockname()[1]}/a"
-        links = f"<link rel='stylesheet' href='{url}.css'><link rel='attachment' href='{tmp_path.as_uri()}/secret.png'>"
+        links = (
+            f"<link rel='stylesheet' href='{url}.css'><link rel='attachment' "
+            f"href='{tmp_path.as_uri()}/secret.png'>"
+        )
         pictures = f"<img alt='left' src='{tmp_path.as_uri()}/secret.png'><img alt='out' src='{url}.png'>"
         pdf = printed(tmp_path, links + pictures)
         server.settimeout(0.1)
@@ -163,7 +168,10 @@ def test_it_is_not_made_unless_asked_for(tmp_path: Path) -> None:
 def without_pango(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """WeasyPrint as it is where Pango is not: importing it prints, then raises OSError."""
     (tmp_path / "fake" / "weasyprint").mkdir(parents=True)
-    raises = "print('follow the steps')\nraise OSError('cannot load library libpango-1.0-0: no such file\\nmore')\n"
+    raises = (
+        "print('follow the steps')\nraise OSError('cannot load library libpango-1.0-0: no such "
+        "file\\nmore')\n"
+    )
     (tmp_path / "fake" / "weasyprint" / "__init__.py").write_text(raises)
     for name in [name for name in sys.modules if name.partition(".")[0] == "weasyprint"]:
         monkeypatch.delitem(sys.modules, name)

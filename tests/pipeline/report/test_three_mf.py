@@ -1,4 +1,6 @@
-"""`aligned.3mf` holds the aligned scan: read back it is the same vertices in mm, in the colours of the other files."""
+"""`aligned.3mf` holds the aligned scan: read back it is the same vertices in mm, in the colours of the
+other files.
+"""
 
 import zipfile
 from pathlib import Path

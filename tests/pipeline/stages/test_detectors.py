@@ -1,4 +1,6 @@
-"""Detectors name the same places however the part lies, in which unit it is, and however vertices are numbered."""
+"""Detectors name the same places however the part lies, in which unit it is, and however vertices are
+numbered.
+"""
 
 import numpy as np
 import pytest

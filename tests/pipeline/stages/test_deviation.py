@@ -1,4 +1,6 @@
-"""Deviation against closed forms: parts whose print is off by a known amount everywhere, or on a known part of them."""
+"""Deviation against closed forms: parts whose print is off by a known amount everywhere, or on a known
+part of them.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ from tests.support import shapes
 def measured(
     design: Mesh, scan: Mesh, tolerance_mm: float | None = None, T: FloatArray | None = None
 ) -> Deviations:
-    """Under the pose T, by default as they lie; every face of the design is a segment by its main direction."""
+    """Under the pose T, by default as they lie; every face of the design is a segment by its main
+    direction.
+    """
     surface = Surface(design)
     found = evaluate_fit(
         scan, scan.weights(), surface, np.eye(4) if T is None else T, 0.02 * design.diagonal_mm
@@ -88,7 +92,8 @@ def test_a_stepped_block_has_its_shares_of_the_area() -> None:
     above = found.signed_mm > 0.25
     np.testing.assert_allclose(found.signed_mm[above], step_mm)
     np.testing.assert_allclose(found.signed_mm[~above], 0.0, atol=1e-12)
-    # Of the scan's area by vertices: the raised ones, of which the outer ones share area with the walls below them.
+    # Of the scan's area by vertices: the raised ones, of which the outer ones share area with the walls below
+    # them.
     assert found.summary.above == pytest.approx(scan.weights()[raised > 0].sum())
     assert found.summary.below == 0.0
     assert found.summary.mean_mm == pytest.approx(step_mm * found.summary.above)

@@ -35,7 +35,9 @@ def on_torus(points: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("shift_mm", [0.0, 0.1], ids=["even", "irregular"])
 def test_sphere(shift_mm: float) -> None:
-    """Radius 10: m = 1/10, G = 1/100, |l| = 2/10; a cap of radius r has 1 / (1 - (r/2R)^2 ...) times its projection."""
+    """Radius 10: m = 1/10, G = 1/100, |l| = 2/10; a cap of radius r has 1 / (1 - (r/2R)^2 ...) times its
+    projection.
+    """
     a, m, gaussian, *laplacian = features(
         irregular(shapes.icosphere(10.0, 4), on_sphere, shift_mm), 2.0, FeaturesSettings()
     ).values.T
@@ -56,7 +58,9 @@ def test_cylinder(shift_mm: float) -> None:
 
 
 def test_an_open_border_has_no_false_curvature() -> None:
-    """Up to the border itself the averages are those of the middle: a border vertex has an angle, but no curvature."""
+    """Up to the border itself the averages are those of the middle: a border vertex has an angle, but no
+    curvature.
+    """
     found = features(shapes.cylinder(2.0, 8.0, 64, 33), 0.6, FeaturesSettings())
     np.testing.assert_allclose(found.values[:, 1], 1 / 4, rtol=0.01)
     np.testing.assert_allclose(found.values[:, 2], 0, atol=1e-3)

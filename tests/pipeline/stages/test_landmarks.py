@@ -1,4 +1,6 @@
-"""Landmarks do not depend on how the part lies, in which unit it is, or how it is numbered; flat surface has none."""
+"""Landmarks do not depend on how the part lies, in which unit it is, or how it is numbered; flat surface
+has none.
+"""
 
 import numpy as np
 import pytest
@@ -79,7 +81,9 @@ def test_renumbering_vertices_and_faces_keeps_the_positions(blob: Mesh) -> None:
 
 
 def test_landmarks_are_found_again_on_other_triangles(blob: Mesh) -> None:
-    """The same surface sampled at other points: every landmark of one within a quarter of the feature radius."""
+    """The same surface sampled at other points: every landmark of one within a quarter of the feature
+    radius.
+    """
     _, _, first = analysed(blob, 4.0, Settings())
     _, _, again = analysed(shapes.bumpy_blob(4, triangulation=3), 4.0, Settings())
     apart = np.linalg.norm(first.position_mm[:10, None] - again.position_mm[None], axis=2).min(axis=1)
@@ -87,7 +91,9 @@ def test_landmarks_are_found_again_on_other_triangles(blob: Mesh) -> None:
 
 
 def test_each_bump_has_its_landmark(blob: Mesh) -> None:
-    """`bumpy_blob` is a ball with bumps in known directions: the five that stand out are marked near their tops."""
+    """`bumpy_blob` is a ball with bumps in known directions: the five that stand out are marked near
+    their tops.
+    """
     _, _, found = analysed(blob, 4.0, Settings())
     towards = found.position_mm / [1.0, 0.8, 0.65]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
@@ -138,7 +144,9 @@ def test_competitors_give_as_many_points_as_t2(blob: Mesh) -> None:
 
 
 def test_a_low_segment_beside_a_high_one_keeps_its_landmarks() -> None:
-    """T^2 has the size of spread of the segment: a low bump is as far out in its own surroundings as a high one."""
+    """T^2 has the size of spread of the segment: a low bump is as far out in its own surroundings as a
+    high one.
+    """
     flat = shapes.grid_plane(60, 60)
     x, y = (flat.vertices[:, :2] - flat.vertices[:, :2].mean(axis=0)).T
     high, low = (h * np.exp(-((x - c) ** 2 + y**2) / 20.0) for h, c in ((4.0, -15.0), (1.2, 15.0)))

@@ -71,7 +71,9 @@ def test_draws_fill_the_cube_and_the_ball_of_turns() -> None:
 
 
 def test_a_trial_is_the_five_steps_of_the_paper() -> None:
-    """From the drawn numbers, with nothing of the kernel: the copy moved about the middle, both ICPs, errors of partners."""
+    """From the drawn numbers, with nothing of the kernel: the copy moved about the middle, both ICPs,
+    errors of partners.
+    """
     study = studied(trials=6, rotation_deg=40.0, noise_mm=4.0)
     middle = BLOB.mean(axis=0)
 

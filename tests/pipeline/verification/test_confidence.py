@@ -40,7 +40,9 @@ def case() -> Case:
 
 
 def with_alternative(case: Case, times: float | None, *, residual_share: float | None = None) -> Case:
-    """The same with one alternative that scores `times` the best, and a residual of that share of its limit."""
+    """The same with one alternative that scores `times` the best, and a residual of that share of its
+    limit.
+    """
     registration = case.registration
     best = registration.best
     alternatives = () if times is None else (replace(best, score_mm2=times * best.score_mm2),)
