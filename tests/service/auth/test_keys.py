@@ -207,7 +207,7 @@ def test_what_was_there_before_tenants_is_the_open_services(tmp_path: Path) -> N
     path = tmp_path / "cusp.db"
     engine = open_database(f"sqlite:///{path}")
     config = Config()
-    config.set_main_option("script_location", "service:migrations")
+    config.set_main_option("script_location", "service.storage:migrations")
     with engine.begin() as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, "0001")
