@@ -57,9 +57,11 @@ def register(
     `cusp register design.stl scan.obj --unit-scan inch --json --out result | jq .verdict.status`
     """
     units = {"design": unit_design, "scan": unit_scan}
-    given = options_of(preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm)
+    options_document = options_of(
+        preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm
+    )
     try:
-        options = parse_options(given)
+        options = parse_options(options_document)
         with progress_bar() as bar:
             task = bar.add_task("starting", total=100.0)
             result = register_meshes(
@@ -114,7 +116,9 @@ def submit(
     `CUSP_API_KEY=cusp_... cusp submit design.stl scan.ply --server https://cusp.example.com`
     """
     units = {"design": unit_design, "scan": unit_scan, "mesh": unit}
-    given = options_of(preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm)
+    options_document = options_of(
+        preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm
+    )
     try:
         kind = parse_type(job_type)
         if len(meshes) != len(MESHES[kind]):
@@ -129,7 +133,7 @@ def submit(
                 job = client.submit(
                     meshes[0],
                     scan,
-                    given | ({"label": label} if label else {}),
+                    options_document | ({"label": label} if label else {}),
                     job_type=kind,
                     on_sent=lambda count: bar.advance(sending, count),
                 )

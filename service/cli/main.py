@@ -50,8 +50,14 @@ def up(
     from service.execution.supervisor import run_up
     from service.logs import set_up_logs
 
-    given = {"host": host, "port": port, "data_dir": data_dir, "jobs": jobs, "allow_open": allow_open or None}
-    settings = _settings(**given)
+    overrides = {
+        "host": host,
+        "port": port,
+        "data_dir": data_dir,
+        "jobs": jobs,
+        "allow_open": allow_open or None,
+    }
+    settings = _settings(**overrides)
     set_up_logs(settings, "parent")
     with _refusing():
         raise typer.Exit(run_up(settings))
@@ -105,12 +111,12 @@ def _refusing() -> Iterator[None]:
         _refuse(str(error))
 
 
-def _settings(**given: object) -> ServiceSettings:
+def _settings(**overrides: object) -> ServiceSettings:
     try:
         return ServiceSettings.model_validate(
             {
                 **ServiceSettings().model_dump(),
-                **{key: value for key, value in given.items() if value is not None},
+                **{key: value for key, value in overrides.items() if value is not None},
             }
         )
     except ValidationError as error:

@@ -56,9 +56,9 @@ def segment(
 
     `cusp segment part.stl --method kmeans --n-centres 14 --out segments`
     """
-    given = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
+    options_document = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
     chosen = {"segmentation": {"method": method, "n_centres": n_centres}}
-    _run(pipeline.find_segments, mesh, given, chosen, out, as_json)
+    _run(pipeline.find_segments, mesh, options_document, chosen, out, as_json)
 
 
 def landmarks(
@@ -76,9 +76,9 @@ def landmarks(
 
     `cusp landmarks part.stl --count 20 --out landmarks`
     """
-    given = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
+    options_document = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
     chosen = {"landmarks": {"detector": detector, "count": count}}
-    _run(pipeline.find_landmarks, mesh, given, chosen, out, as_json)
+    _run(pipeline.find_landmarks, mesh, options_document, chosen, out, as_json)
 
 
 def study(
@@ -115,13 +115,13 @@ def study(
 
     `cusp study part.stl --kind repeatability --eps 0.01`
     """
-    given = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
+    options_document = options_of(preset=preset, units={"mesh": unit}, seed=seed, settings=settings)
     names = [name.strip() for each in detectors or [] for name in each.split(",")]
     chosen = {"kind": kind, "trials": trials, "noise_mm": noise_mm, "eps": eps, "rotation_deg": rotation_deg}
     _run(
         pipeline.study,
         mesh,
-        given,
+        options_document,
         {"study": {**chosen, "count": count, "detectors": names or None}},
         out,
         as_json,
@@ -129,14 +129,19 @@ def study(
 
 
 def _run(
-    verb: Verb, mesh: Path, given: dict[str, Any], chosen: dict[str, dict[str, Any]], out: Path, as_json: bool
+    verb: Verb,
+    mesh: Path,
+    options_document: dict[str, Any],
+    chosen: dict[str, dict[str, Any]],
+    out: Path,
+    as_json: bool,
 ) -> None:
     """Run `verb` and print its results. chosen : section -> key -> value that replaces a setting, None
     ignored
     """
     try:
-        given["settings"] = _over(parse_options(given).settings, chosen)
-        options = parse_options(given)
+        options_document["settings"] = _over(parse_options(options_document).settings, chosen)
+        options = parse_options(options_document)
         with progress_bar() as bar:
             task = bar.add_task("starting", total=100.0)
             result = verb(

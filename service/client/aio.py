@@ -115,11 +115,11 @@ class AsyncClient:
 
     async def _once(self, call: Call[R]) -> R:
         with ExitStack() as opened:
-            given = call.request(opened)
-            if "content" in given:
-                given["content"] = _chunks(given["content"])
+            arguments = call.request(opened)
+            if "content" in arguments:
+                arguments["content"] = _chunks(arguments["content"])
             try:
-                return call.answer(await self._http.request(call.method, call.path, **given))
+                return call.answer(await self._http.request(call.method, call.path, **arguments))
             except httpx.TransportError as error:
                 raise calls.unreachable(self.server, error) from error
 

@@ -81,18 +81,18 @@ class Call(Generic[R]):
 
     def request(self, opened: ExitStack) -> dict[str, Any]:
         """Arguments for httpx; files are opened on the stack, again for each attempt, and streamed."""
-        given: dict[str, Any] = {"params": dict(self.params), "headers": dict(self.headers)}
+        arguments: dict[str, Any] = {"params": dict(self.params), "headers": dict(self.headers)}
         if self.document is not None:
-            given["json"] = self.document
+            arguments["json"] = self.document
         if self.files:
-            given["files"] = {
+            arguments["files"] = {
                 name: (path.name, self._open(path, opened)) for name, path in self.files.items()
             }
-            given["data"] = dict(self.form)
+            arguments["data"] = dict(self.form)
         if self.body is not None:
-            given["content"] = self._open(self.body, opened)
-            given["headers"]["Content-Length"] = str(self.body.stat().st_size)
-        return given
+            arguments["content"] = self._open(self.body, opened)
+            arguments["headers"]["Content-Length"] = str(self.body.stat().st_size)
+        return arguments
 
     def _open(self, path: Path, opened: ExitStack) -> BinaryIO:
         file = opened.enter_context(path.open("rb"))
@@ -206,8 +206,8 @@ def patience(seconds: float, call: Call[Any]) -> dict[str, Any]:
 def _pause_s(state: RetryCallState) -> float:
     """The delay that the service asked for, else an exponential one."""
     error = None if state.outcome is None else state.outcome.exception()
-    asked = error.retry_after_s if isinstance(error, ServiceProblem) else None
-    return wait_exponential(0.2, max=2)(state) if asked is None else asked
+    requested_delay = error.retry_after_s if isinstance(error, ServiceProblem) else None
+    return wait_exponential(0.2, max=2)(state) if requested_delay is None else requested_delay
 
 
 def unreachable(server: str, error: httpx.TransportError) -> ServiceUnreachable:
@@ -217,8 +217,8 @@ def unreachable(server: str, error: httpx.TransportError) -> ServiceUnreachable:
 
 def problem_of(answer: httpx.Response) -> ServiceProblem:
     """The problem of an error answer; made from the status if a proxy sent it."""
-    asked = answer.headers.get("Retry-After", "")
-    retry_after_s = float(asked) if asked.isdigit() else None
+    requested_delay = answer.headers.get("Retry-After", "")
+    retry_after_s = float(requested_delay) if requested_delay.isdigit() else None
     try:
         return ServiceProblem(Problem.model_validate_json(answer.content), retry_after_s)
     except ValidationError:

@@ -188,12 +188,13 @@ class Client:
         self._do(calls.dismiss(job_id))
 
     def _start(self, job_type: JobType, meshes: Mapping[str, Mesh], options: Mapping[str, Any]) -> Job:
-        given = {name: mesh if isinstance(mesh, Blob) else Path(mesh) for name, mesh in meshes.items()}
-        if any(isinstance(mesh, Blob) for mesh in given.values()):  # then all are sent as blobs
-            given = {
-                name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh for name, mesh in given.items()
+        sources = {name: mesh if isinstance(mesh, Blob) else Path(mesh) for name, mesh in meshes.items()}
+        if any(isinstance(mesh, Blob) for mesh in sources.values()):  # then all are sent as blobs
+            sources = {
+                name: self.put_blob(mesh) if isinstance(mesh, Path) else mesh
+                for name, mesh in sources.items()
             }
-        return self._do(calls.submit(job_type, given, options))
+        return self._do(calls.submit(job_type, sources, options))
 
     def _do(self, call: Call[R]) -> R:
         answer: R = Retrying(**calls.patience(self._patience_s, call))(self._once, call)

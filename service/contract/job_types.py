@@ -20,13 +20,13 @@ ALL_MESHES = ("design", "scan", "mesh")
 OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {"tolerance_mm": "registration", "study": "study"}
 
 
-def parse_type(given: object) -> JobType:
+def parse_type(value: object) -> JobType:
     """The type of a job. Raises UnsupportedType."""
-    if given not in JOB_TYPES:
+    if value not in JOB_TYPES:
         raise UnsupportedType(
-            f"type {given!r}: this version supports {', '.join(JOB_TYPES)}; the default is the first"
+            f"type {value!r}: this version supports {', '.join(JOB_TYPES)}; the default is the first"
         )
-    return given
+    return value
 
 
 def check_meshes(job_type: JobType, parts: Iterable[str]) -> None:

@@ -11,21 +11,21 @@ from service.contract.errors import BadRequest, InvalidOptions, InvalidRequest
 from service.contract.schemas import Options, ProblemItem
 
 
-def parse_options(given: object) -> Options:
+def parse_options(document: object) -> Options:
     """`options` as sent (JSON text or its content), its settings included.
 
     Raises
     ------
     InvalidOptions, BadRequest
     """
-    if isinstance(given, str | bytes):
-        given = read_json(given, "options")
-    if not isinstance(given, dict):
+    if isinstance(document, str | bytes):
+        document = read_json(document, "options")
+    if not isinstance(document, dict):
         raise InvalidOptions(
             "options: must be a JSON object", errors=[problem_item("/options", "must be a JSON object")]
         )
     try:
-        options = Options.model_validate(given)
+        options = Options.model_validate(document)
         settings = resolve_settings(options)
     except ValidationError as error:
         prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]

@@ -212,8 +212,8 @@ class BlobStore:
 
     def jobs_with_results(self) -> list[str]:
         """Ids of jobs with any stored file, published or not."""
-        found = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
-        return [path.rpartition("/")[2] for path in found]
+        prefixes = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
+        return [path.rpartition("/")[2] for path in prefixes]
 
 
 def _ms(entry: "ObjectMeta") -> float:

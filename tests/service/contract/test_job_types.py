@@ -130,9 +130,9 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_under_its_name(service: Service
 @pytest.mark.parametrize(
     ("kind", "options", "words"),
     [
-        ("landmarks", {"study": {"trials": 3}}, "options.study: a landmarks job has no use for it"),
-        ("registration", {"study": {}}, "options.study: a registration job has no use for it"),
-        ("landmarks", {"tolerance_mm": 0.1}, "options.tolerance_mm: a landmarks job"),
+        ("landmarks", {"study": {"trials": 3}}, "options.study: does not apply to a landmarks job"),
+        ("registration", {"study": {}}, "options.study: does not apply to a registration job"),
+        ("landmarks", {"tolerance_mm": 0.1}, "options.tolerance_mm: does not apply to a landmarks job"),
         (
             "study",
             {"units": {"design": "mm"}},

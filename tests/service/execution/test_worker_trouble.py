@@ -166,13 +166,13 @@ def test_a_store_that_is_away_for_a_while_costs_no_job(
 def test_a_store_that_stays_away_has_the_job_wait_again(
     service: Service, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    monkeypatch.setattr("service.storage.retry.PATIENCE_S", 0.0)
+    monkeypatch.setattr("service.storage.retry.RETRY_LIMIT_S", 0.0)
     act = getattr(service.blobs, what)
     monkeypatch.setattr(service.blobs, what, failing_first(1, act, GenericError("no route to host")))
     job_id = service.finished()
     row = service.jobs.find(job_id)
     assert row is not None and (row.status, row.crashes) == ("accepted", 0)
-    service.worker.run(job_id)  # the reaper gives it another ticket
+    service.worker.run(job_id)  # the reaper adds another queue entry
     assert service.status(job_id)["status"] == "successful"
 
 
