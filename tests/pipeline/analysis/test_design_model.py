@@ -18,6 +18,7 @@ from tests.support import shapes
 from tests.support.designs import design_of
 from tests.support.scans import save, scanned
 from tests.support.settings import COARSE as QUICK
+from tests.support.settings import FAST
 
 DESIGN_STAGES = {"load", "clean", "resample", "geodesics", "segmentation", "features", "landmarks"}
 
@@ -40,7 +41,7 @@ def test_results_and_files_are_the_same_with_a_load_design(files: tuple[Path, Pa
     results = [
         pipeline.register(
             *files,
-            settings=QUICK,
+            settings=Settings.model_validate(FAST),
             out=out,
             design_cache=None if number == 0 else cache,
             on_progress=lambda progress, number=number: told[number].append(progress.message),  # type: ignore[misc]

@@ -64,6 +64,7 @@ def test_a_hundred_shells(design: Path, tmp_path: Path) -> None:
     assert result.verdict.status != "ok" or error_mm(result) < 0.2
 
 
+@pytest.mark.nightly
 def test_a_scan_that_overlaps_nowhere_is_no_match(design: Path, tmp_path: Path) -> None:
     plate = shapes.box((60.0, 40.0, 1.0), levels=4)
     result = registered(design, plate.moved(POSE), tmp_path)
