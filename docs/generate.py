@@ -53,7 +53,7 @@ METHOD_HEAD = """
 | `CUSP_API_KEY` | | API key that `cusp submit` and the Python client send |
 | `CUSP_DATA` | | folder of real meshes for tests and benchmarks; without it those tests are skipped |
 | `AWS_*` | | credentials, region and endpoint of the S3 store in `CUSP_BLOB_URL` |
-| `FORWARDED_ALLOW_IPS` | `127.0.0.1` | proxies whose `X-Forwarded-For` header is trusted |
+| `FORWARDED_ALLOW_IPS` | | proxies whose `X-Forwarded-For` header is trusted |
 
 ## Method settings
 
