@@ -63,6 +63,7 @@ def test_another_patients_arch_is_no_match(data: Path) -> None:
     assert result.verdict.status == "no_match" and result.transform is None
 
 
+@pytest.mark.nightly
 def test_a_plate_of_eleven_parts_is_analysed(data: Path) -> None:
     """3MF with build transforms and several pieces, against itself."""
     plate = data / "cad" / "so100_mini_plate.3mf"
