@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import psycopg
 import pytest
 import structlog
+from psycopg import sql
 
 from service.api.app import create_app
 from service.execution.worker import Worker
@@ -50,24 +52,35 @@ def storage(request: pytest.FixtureRequest, tmp_path: Path, migrated: Path) -> I
         shutil.copy(migrated, folder / "cusp.db")
         yield {"data_dir": folder}
         return
-    server, s3 = request.getfixturevalue("postgres"), request.getfixturevalue("s3")
-    request.getfixturevalue("postgres_migrated")
-    name = f"t_{uuid.uuid4().hex}"
+    s3 = request.getfixturevalue("s3")
+    database_url = request.getfixturevalue("postgres_database")
+    _empty_tables(database_url)
     with pytest.MonkeyPatch.context() as patch:
         for variable, value in s3.environment.items():
             patch.setenv(variable, value)
         yield {
             "data_dir": folder,
-            "database_url": server.create(name, template="migrated"),
-            "blob_url": f"s3://{s3.bucket}/{name}",
+            "database_url": database_url,
+            "blob_url": f"s3://{s3.bucket}/t_{uuid.uuid4().hex}",
         }
-    server.drop(name)
 
 
 @pytest.fixture(scope="session")
-def postgres_migrated(postgres: Postgres) -> None:
-    url = ServiceSettings.model_validate({"database_url": postgres.create("migrated")}).database
-    migrate(url)
+def postgres_database(postgres: Postgres) -> str:
+    """One database for all tests of a process: making one takes longer than emptying its tables."""
+    url = postgres.create("tests")
+    migrate(ServiceSettings.model_validate({"database_url": url}).database)
+    return url
+
+
+def _empty_tables(database_url: str) -> None:
+    """As the migrations leave them: all tables empty."""
+    with psycopg.connect(database_url, autocommit=True) as connection:
+        query = (
+            "SELECT tablename FROM pg_tables WHERE schemaname = 'public' AND tablename <> 'alembic_version'"
+        )
+        names = sorted(name for (name,) in connection.execute(query))
+        connection.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, names))))
 
 
 @pytest.fixture
