@@ -125,7 +125,7 @@ def gaussian_mixture(points: FloatArray, weights: FloatArray, k: int, seed: int)
 
 
 def k_medians(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Minimise sum_i w_i |x_i - c|_1: Lloyd's iteration with component-wise medians, best of `SLOW_STARTS`."""
+    """Minimise sum_i w_i |x_i - c|_1: Lloyd's iteration with component-wise medians; best of several."""
     rng = np.random.default_rng(seed)
     best, min_cost = None, np.inf
     for _ in range(SLOW_STARTS):
@@ -147,7 +147,7 @@ def k_centers(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Par
 
 
 def fuzzy_c_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Bezdek 1981 with fuzzifier m = 2, best of `SLOW_STARTS`; each point is assigned by its largest
+    """Bezdek 1981 with fuzzifier m = 2, best of `SLOW_STARTS`. Each point is assigned by its largest
     membership.
     """
     rng = np.random.default_rng(seed)

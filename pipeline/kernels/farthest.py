@@ -12,7 +12,6 @@ import numpy as np
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 from pipeline.kernels.geodesics import GeodesicSolver
 
-
 #: Relative margin on the search radius: geodesic distances are exact up to rounding only. Derived from the
 #: rounding of the geodesic solver, with reserve.
 _ROUNDING_MARGIN = 1e-9

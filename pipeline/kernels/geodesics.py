@@ -13,7 +13,6 @@ number of threads; only `distances` and `distances_from_set` use one direction.
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
@@ -22,6 +21,7 @@ from scipy.sparse import csr_matrix
 
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.kernels import topology
+from pipeline.kernels.distance_shell import DistanceShell, canonical_pairs
 from pipeline.kernels.native import core
 
 #: Progress callback, called with the share done in [0, 1]; returning False stops the work with
@@ -66,7 +66,7 @@ class GeodesicSolver:
     process may use; on_share : progress callback of every query. Open, non-manifold and degenerate meshes are
     allowed; connected pieces are infinitely far from each other.
 
-    Every query raises InterruptedError when `on_share` returns False.
+    A query raises InterruptedError when `on_share` returns False.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class GeodesicSolver:
             np.arange(self.n), radius * (1 + _SLACK), self._threads, self._on_share
         )
         i = np.repeat(np.arange(self.n), counts)
-        low, high, d, _ = _canonical(_column(i), _column(j), np.asarray(d), self.n)
+        low, high, d, _ = canonical_pairs(_column(i), _column(j), np.asarray(d), self.n)
         inside = d <= radius
         low, high, d = low[inside], high[inside], d[inside]
         rows, columns = np.concatenate([low, high]), np.concatenate([high, low])
@@ -252,42 +252,12 @@ class GeodesicSolver:
         estimate = float(d[min(len(d) - 1, int(per_source * len(sources)))]) if d.size else 0.0
         return max(estimate, _MIN_SHARE * self._longest, _TINY)  # for coincident or isolated vertices
 
-    def _pass(self, weights: FloatArray, low: float, high: float, scale: float = 0.0) -> "_Shell":
-        """One search per vertex out to `high`: pairs nearer than `low` are summed, pairs in between listed."""
+    def _pass(self, weights: FloatArray, low: float, high: float, scale: float = 0.0) -> DistanceShell:
+        """One search per vertex out to `high`: nearer pairs than `low` are summed, the others listed."""
         weights = np.ascontiguousarray(weights, dtype=np.float64)
         counts, sums, i, j, d = self._core.sums(weights, low, high, scale, self._threads, self._on_share)
-        first, second, d, times = _canonical(_column(i), _column(j), np.asarray(d), self.n)
-        return _Shell(np.array(counts), np.array(sums), first, second, np.asarray(d), times)
-
-
-@dataclass(frozen=True, slots=True)
-class _Shell:
-    """Pairs up to a shell of distances.
-
-    counts, sums : (n,) number and summed weights of the vertices nearer than the shell; first, second, d,
-    times : (k,) the pairs in the shell, each once, with the canonical distance in mm and the number of ends
-    (1 or 2) from which they were found in it
-    """
-
-    counts: IndexArray
-    sums: FloatArray
-    first: IndexArray
-    second: IndexArray
-    d: FloatArray
-    times: IndexArray
-
-    def up_to(self, limit: float, weights: FloatArray, scale: float = 0.0) -> tuple[IndexArray, FloatArray]:
-        """(n,) number and (n,) summed weights of the vertices with d < limit (mm).
-
-        scale : mm; if > 0, the weights are multiplied by exp(-(d / scale)^2)
-        """
-        counts, sums, inside = self.counts.copy(), self.sums.copy(), self.d < limit
-        first, second, d = self.first[inside], self.second[inside], self.d[inside]
-        kernel = np.exp(-((d / scale) ** 2)) if scale > 0 else np.ones(len(d))
-        for here, there in ((first, second), (second, first)):
-            np.add.at(counts, here, 1)
-            np.add.at(sums, here, weights[there] * kernel)
-        return counts, sums
+        first, second, d, times = canonical_pairs(_column(i), _column(j), np.asarray(d), self.n)
+        return DistanceShell(np.array(counts), np.array(sums), first, second, np.asarray(d), times)
 
 
 def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -315,13 +285,3 @@ def _sources(sources: int | Sequence[int] | IndexArray) -> IndexArray:
 
 def _column(values: npt.ArrayLike) -> IndexArray:
     return np.ascontiguousarray(values, dtype=np.int64)
-
-
-def _canonical(
-    i: IndexArray, j: IndexArray, d: FloatArray, n: int
-) -> tuple[IndexArray, IndexArray, FloatArray, IndexArray]:
-    """Merge directed pairs: smaller index, larger index, smaller distance, number of directions (1 or 2)."""
-    keys = np.minimum(i, j) * n + np.maximum(i, j)
-    order = np.lexsort((d, keys))
-    unique, first, times = np.unique(keys[order], return_index=True, return_counts=True)
-    return unique // n, unique % n, d[order[first]], times

@@ -22,7 +22,8 @@ XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
 TYPES = (
     XML + '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
     '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
-    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>\n'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>'
+    "</Types>\n"
 )
 RELATIONS = (
     XML + '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
