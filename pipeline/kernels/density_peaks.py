@@ -130,9 +130,9 @@ def persistent_centres(
         prominence[keep] = prominences(keep)
         prominence[:, keep] = prominence[keep]
         n_clusters -= 1
-    kept, number = np.unique(root, return_inverse=True)
+    remaining_roots, number = np.unique(root, return_inverse=True)
     new = np.append(number, -1).astype(np.int32)  # last: no cluster
-    return candidates[kept].astype(np.int64), new[labels]
+    return candidates[remaining_roots].astype(np.int64), new[labels]
 
 
 def halo(

@@ -153,12 +153,12 @@ def _traced(
 
 
 def _splatted(
-    seen: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
+    in_view: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
 ) -> FloatArray:
     image = np.full((height, width, 3), BACKGROUND)
-    order = np.argsort(seen[:, 2], kind="stable")  # the points nearest to the viewer are drawn last
-    column = np.rint((seen[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
-    row = np.rint((centre[1] - seen[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+    order = np.argsort(in_view[:, 2], kind="stable")  # the points nearest to the viewer are drawn last
+    column = np.rint((in_view[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
+    row = np.rint((centre[1] - in_view[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
     half = POINT_PX // 2
     for down in range(-half, half + 1):
         for across in range(-half, half + 1):
