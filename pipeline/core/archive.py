@@ -1,4 +1,7 @@
-"""Frozen records of arrays in one file and back. No pickles: reading it runs nothing, whoever wrote it."""
+"""Store frozen records of arrays in one file (NumPy's .npz) and read them back.
+
+The file contains no pickles, so reading an untrusted file executes no code.
+"""
 
 import dataclasses
 import json
@@ -18,7 +21,7 @@ from pipeline.core.mesh import Mesh
 
 Record = TypeVar("Record")
 _META = "meta"
-#: What numpy, zipfile and json raise at bytes that are not what they should be.
+#: Exceptions that numpy, zipfile and json raise on a damaged file.
 _DAMAGE = (
     *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, SyntaxError),
     *(zipfile.BadZipFile, zlib.error, PipelineError),
@@ -27,30 +30,37 @@ _SCALARS = (str, int, float, bool, type(None))
 
 
 class NotAnArchive(ValueError):
-    """The file is not one that `write` made of such a record, or it is damaged."""
+    """The file is damaged, or `write` did not create it from a record of this type."""
 
 
 def write(path: Path, record: Any) -> None:
-    """record : a dataclass of arrays, meshes, numbers, words, pydantic models, bytes, and tuples, dicts and
-    dataclasses of these. Appears under its name all at once.
+    """Write `record` to `path` atomically: the file appears under its name only when it is complete.
+
+    record : a dataclass of arrays, meshes, numbers, strings, pydantic models, bytes, and tuples, dicts and
+    dataclasses of these
+
+    Raises
+    ------
+    TypeError
+        When a value has another type.
     """
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     meta = _encode(record, "r", arrays)
     arrays[_META] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
-    temporary = path.with_name(
-        f"{path.name}.{os.getpid()}.part"
-    )  # two workers may meet the same design at once
+    # The process id separates two workers that write the same design at the same time.
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
     with temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
     temporary.replace(path)
 
 
 def read(path: Path, kind: type[Record]) -> Record:
-    """The record that `write` put there.
+    """Read the record of type `kind` that `write` stored.
 
     Raises
     ------
     NotAnArchive
+        When the file is damaged or contains another record.
     FileNotFoundError
     """
     try:
@@ -65,7 +75,7 @@ def read(path: Path, kind: type[Record]) -> Record:
 
 
 def _encode(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> Any:
-    """What of `value` goes to the JSON; its arrays go to `arrays` under keys that start with `key`."""
+    """The JSON part of `value`; its arrays are added to `arrays` under keys that start with `key`."""
     if isinstance(value, np.ndarray):
         arrays[key] = value
         return None
@@ -86,11 +96,11 @@ def _encode(value: Any, key: str, arrays: dict[str, np.ndarray[Any, Any]]) -> An
         return {name: _encode(each, f"{key}/{name}", arrays) for name, each in value.items()}
     if isinstance(value, _SCALARS):
         return value
-    raise TypeError(f"{key}: a {type(value).__name__} has no place in an archive")
+    raise TypeError(f"{key}: an archive cannot contain a {type(value).__name__}")
 
 
 def _decode(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
-    """The value of type `kind` that `_encode` produced from it."""
+    """The value of type `kind` whose JSON part is `meta` and whose arrays are stored under `key`."""
     origin = typing.get_origin(kind)
     if origin in (types.UnionType, typing.Union):
         (kind,) = (each for each in typing.get_args(kind) if each is not type(None))
@@ -120,5 +130,5 @@ def _decode(kind: Any, meta: Any, key: str, arrays: Any) -> Any:
         make: Any = kind
         return make(**{name: _decode(hints[name], meta[name], f"{key}.{name}", arrays) for name in names})
     if not isinstance(meta, kind) and not (kind is float and isinstance(meta, int)):
-        raise TypeError(f"{key}: {meta!r} is no {kind.__name__}")
+        raise TypeError(f"{key}: {meta!r} is not of type {kind.__name__}")
     return kind(meta)

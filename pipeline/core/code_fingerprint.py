@@ -1,4 +1,4 @@
-"""A hash of the code that computes. A result cached under it is reused by the same code and libraries only."""
+"""A hash of the code that computes. Cached results are reused by the same code and libraries only."""
 
 import functools
 import hashlib

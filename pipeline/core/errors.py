@@ -64,7 +64,10 @@ class NotFinite(PipelineError):
 
 class CoordinateOutOfRange(PipelineError):
     code = "coordinate_out_of_range"
-    default_remedy = "remove the distant vertices in the program that created the file, or set the unit of the file (options.units)"
+    default_remedy = (
+        "remove the distant vertices in the program that created the file, "
+        "or set the unit of the file (options.units)"
+    )
 
 
 class IndexOutOfRange(PipelineError):
@@ -111,4 +114,7 @@ class ComponentsTooSmall(PipelineError):
 class TooFewLandmarks(PipelineError):
     stage = Stage.STUDY
     code = "too_few_landmarks"
-    default_remedy = "the surface has too little relief for a landmark study: lower landmarks.min_relief, or send another part"
+    default_remedy = (
+        "the surface has too little relief for a landmark study: "
+        "lower landmarks.min_relief, or send another part"
+    )

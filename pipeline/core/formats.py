@@ -68,10 +68,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         whole = lines if size <= len(head) else lines[:-1]  # the last line of a partial head may be cut
         if whole and (_XYZ_LINE.match(whole[0]) or len(whole) > 1) and all(map(_XYZ_LINE.match, whole[1:])):
             return Format.XYZ  # the first line may be a header
-    raise UnknownFormat(
-        f"the content is not in a supported mesh format{f' (file name extension {suffix!r})' if suffix else ''}",
-        mesh=mesh,
-    )
+    extension = f" (file name extension {suffix!r})" if suffix else ""
+    raise UnknownFormat(f"the content is not in a supported mesh format{extension}", mesh=mesh)
 
 
 def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> bool:

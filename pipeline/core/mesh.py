@@ -81,7 +81,7 @@ class Mesh:
         return areas
 
     def vertex_areas_mm2(self) -> FloatArray:
-        """(n,) lumped (barycentric) areas: a third of the incident triangles; sums to the area of the mesh."""
+        """(n,) lumped (barycentric) areas, a third of the incident triangles; the sum is the mesh area."""
         thirds = np.repeat(self.face_areas_mm2() / 3.0, 3)
         return np.bincount(self.faces.ravel(), weights=thirds, minlength=len(self.vertices)).astype(
             np.float64

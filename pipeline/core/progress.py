@@ -1,4 +1,4 @@
-"""What a caller hears while the method runs: which stage, on which mesh, how far."""
+"""Progress reports of a running job: the stage, the mesh, and the percentage done."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +6,9 @@ from enum import StrEnum
 
 
 class Stage(StrEnum):
-    """The one vocabulary: file in `stages/`, section of `Settings`, key of `timings_s`, word a client polls."""
+    """Names of the stages, used for files in `stages/`, sections of `Settings`, keys of `timings_s` and the
+    stage in a job's status.
+    """
 
     LOAD = "load"
     CLEAN = "clean"
@@ -24,7 +26,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """One step forward: `percent` of the whole job, 0 to 100, never falling."""
+    """One progress report. percent : share of the whole job, 0 to 100, not decreasing."""
 
     stage: Stage
     percent: float
@@ -35,4 +37,4 @@ OnProgress = Callable[[Progress], None]
 
 
 def ignore(_: Progress) -> None:
-    """Listener for callers that do not watch."""
+    """Progress callback that does nothing."""

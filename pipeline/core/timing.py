@@ -1,4 +1,4 @@
-"""Time and progress around each stage, so that the stages know of neither."""
+"""Measures the time of each stage and reports the progress; the stages themselves do neither."""
 
 import time
 from collections.abc import Iterator
@@ -6,8 +6,8 @@ from contextlib import contextmanager
 
 from pipeline.core.progress import OnProgress, Progress, Stage, ignore
 
-# What each passage through a stage takes of a job's time, in percent, measured on arches. A registration passes
-# through the stages from load to matching twice: one workflow sums to 100.
+# Share of a job's time of one run of each stage, percent, measured on dental arches; used only for progress
+# reports. A registration runs the stages from load to matching twice, so every table sums to 100 over a job.
 REGISTRATION: dict[Stage, float] = {
     Stage.LOAD: 1.5,
     Stage.CLEAN: 2,
@@ -43,8 +43,10 @@ STUDY: dict[Stage, float] = {Stage.LOAD: 1, Stage.CLEAN: 1, Stage.STUDY: 96, Sta
 
 
 class StageTimer:
-    """`with timer.stage(Stage.LOAD, "design"):` announces the stage, times it, and moves the percentage on by
-    what `shares` (REGISTRATION, SEGMENTS, LANDMARKS or STUDY) has for it.
+    """Reports and times the stages of one job: `with timer.stage(Stage.LOAD, "design"):`.
+
+    shares : percent of the job per stage (REGISTRATION, SEGMENTS, LANDMARKS or STUDY); the percentage
+    advances by it after each stage
     """
 
     def __init__(self, on_progress: OnProgress, shares: dict[Stage, float]) -> None:
@@ -55,6 +57,7 @@ class StageTimer:
 
     @contextmanager
     def stage(self, stage: Stage, mesh: str | None = None) -> Iterator[None]:
+        """Report the start of `stage` on `mesh` ("scan", "design" or none), and measure its time."""
         message = f"{stage.value}: {mesh}" if mesh else stage.value
         self._on_progress(Progress(stage, self._done, message))
         start = time.perf_counter()
@@ -65,17 +68,18 @@ class StageTimer:
         self._done = min(100.0, self._done + self._shares[stage])
 
     def within(self, stage: Stage, share: float, message: str) -> None:
-        """Tell how far a long stage has come: `share` of it in [0, 1]. Call it inside `with
-        self.stage(stage)`.
+        """Report progress inside a long stage: `share` of it is done, in [0, 1].
+
+        To be called inside `with self.stage(stage)`.
         """
         percent = self._done + min(max(share, 0.0), 1.0) * self._shares[stage]
         self._on_progress(Progress(stage, min(100.0, percent), f"{stage.value}: {message}"))
 
     def timings_s(self) -> dict[str, float]:
-        """Seconds by stage, both meshes together, in the order the stages ran."""
+        """Seconds per stage, summed over both meshes, in the order of the first runs."""
         return {stage.value: round(seconds, 4) for stage, seconds in self._seconds.items()}
 
 
 def silent() -> StageTimer:
-    """For stages inside a study, whose own progress is told by trials."""
+    """Timer that reports nothing, for stages inside a study, which reports its progress by trials."""
     return StageTimer(ignore, dict.fromkeys(Stage, 0.0))

@@ -1,11 +1,11 @@
-"""Average geodesic distance: how far a point is from the rest of its surface. Large at tips, small in the
-middle.
+"""Average geodesic distance of each vertex to the rest of its surface: large at tips, small in the middle.
 
 Hilaga, Shinagawa, Kohmura, Kunii, "Topology matching for fully automatic similarity estimation of 3D shapes"
-(2001); its maxima as feature points: Zhang, Mischaikow, Turk, "Feature-based surface parameterization and
-texture mapping" (2005). As in Hilaga et al., who take about as many, the integral is a sum over base points
-that each stand for the surface nearest to them. Against the sum over all vertices (40 to 60 s) on three parts
-of 4,500 vertices that was right to 0.5 %, with all of its local maxima and at most one more.
+(2001). Zhang, Mischaikow, Turk, "Feature-based surface parameterization and texture mapping" (2005) take its
+local maxima as feature points. As in Hilaga et al., the integral over the surface is a sum over base points;
+each base point is weighted by the area that is nearest to it. Measured on three parts of 4,500 vertices
+against the sum over all vertices (40 to 60 s): the values agree to 0.5 %, all local maxima are found, and at
+most one extra maximum appears.
 """
 
 import numpy as np
@@ -14,16 +14,18 @@ from pipeline.core.mesh import FloatArray
 from pipeline.kernels import sampling
 from pipeline.kernels.geodesics import GeodesicSolver
 
-BASES = 160  # on the whole mesh; a piece gets its share of the area
+#: Base points on the whole mesh; each connected piece gets its share by area. From literature: about as many
+#: as Hilaga et al. use.
+BASES = 160
 
 
 def average_geodesic(
     vertices: FloatArray, areas: FloatArray, solver: GeodesicSolver, bases: int = BASES
 ) -> FloatArray:
-    """(n,) mm, area-weighted mean distance to the own connected piece.
+    """(n,) mm: area-weighted mean geodesic distance from each vertex to its own connected piece.
 
-    vertices : (n, 3) mm; areas : (n,) mm^2 of the vertices; bases : evenly spread (farthest-point) sources in
-    all.
+    vertices : (n, 3) mm; areas : (n,) mm^2, vertex areas; bases : total number of base points, spread by
+    farthest-point sampling
     """
     average = np.zeros(len(vertices))
     share = bases / max(float(areas.sum()), 1e-300)

@@ -1,14 +1,13 @@
-"""The clusterings that the paper sets beside CFSFDP (its figure 1), on weighted points.
+"""The clustering methods that the paper compares with CFSFDP (its figure 1), on weighted points.
 
-What is clustered are positions in mm with Euclidean distances: these methods know nothing of the surface,
-which is what the comparison is about. Weights are the areas that points stand for, so that a denser
-triangulation of one part does not draw centres to it; Gaussian mixture (scikit-learn takes no weights there)
-and k-centers go without.
+The input is positions in mm with Euclidean distances: unlike CFSFDP, these methods do not use the surface.
+The weights are the vertex areas, so a denser triangulation of one region does not attract centres. Gaussian
+mixture (scikit-learn accepts no weights there) and k-centers ignore the weights.
 
-K-means and Gaussian mixture are scikit-learn's. The other three are written out here: scikit-fuzzy (last
-release 2024) and pyclustering (archived) are untyped and hardly kept, `kmedoids` is another problem (centres
-among the points), and each takes a screen. Every method draws from its seed alone and runs on one thread: the
-same bytes every time.
+K-means and Gaussian mixture come from scikit-learn. The other three are implemented here, each in a few
+lines: scikit-fuzzy and pyclustering (archived) have no types and little maintenance, and `kmedoids` solves a
+different problem (its centres are input points). Every method uses only its seed as a source of randomness
+and runs on one thread, so the result is reproducible to the byte.
 
     n points, k clusters, w_i weight of point i, c_s centre of cluster s, u_is membership of point i in
     cluster s
@@ -25,16 +24,30 @@ from scipy.spatial.distance import cdist
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.kernels import sampling
 
-STARTS = 10  # fresh seedings of K-means, the best is kept: single ones often put two centres in one blob
-SLOW_STARTS = 3  # the same of the others, where a run takes ten times as long
+#: Initialisations of K-means; the best result is kept, because a single one often puts two centres in one
+#: cluster. Chosen by hand, not fitted.
+STARTS = 10
+#: Initialisations of the other methods, where one run takes about ten times as long. Chosen by hand, not
+#: fitted.
+SLOW_STARTS = 3
+#: Iterations of one run, at most; scikit-learn's default for K-means.
 MAX_ITERATIONS = 300
-MEMBERSHIP_TOLERANCE = 1e-4  # fuzzy c-means ends when no membership moves by more
+#: Fuzzy c-means stops when no membership changes by more (no unit). Chosen by hand, not fitted.
+MEMBERSHIP_TOLERANCE = 1e-4
+#: Smallest weight of a point, as a share of the mean weight: a point without area remains a point. Chosen by
+#: hand, not fitted.
+_MIN_WEIGHT_SHARE = 1e-12
+#: Regularisation of the covariances, as a share of the total variance (scikit-learn's is an absolute number,
+#: 1e-6, here in mm^2). Chosen by hand, not fitted.
+_COVARIANCE_SHARE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Clusters:
-    """labels : (n,) int32 in [0, m), none empty, m <= k; centres : (m,) int64, the member nearest to each
-    cluster's centre. The cluster with most points is first; of equal ones that with the lower centre.
+    """Result of `cluster`: m <= k clusters, none empty, the one with the most points first.
+
+    labels : (n,) int32 in [0, m); centres : (m,) int64, index of the member nearest to each cluster's centre.
+    Clusters of equal size are ordered by the index of the centre.
     """
 
     labels: IntArray
@@ -43,7 +56,7 @@ class Clusters:
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """What a method finds. labels : (n,) in [0, k); positions_mm : (k, 3) centres, not always of members"""
+    """Result of one method. labels : (n,) in [0, k); positions_mm : (k, 3) mm, centres"""
 
     labels: IndexArray
     positions_mm: FloatArray
@@ -51,8 +64,10 @@ class Partition:
 
 @dataclass(frozen=True, slots=True)
 class Fuzzy:
-    """memberships : (n, k), rows sum to 1; positions_mm : (k, 3); objective : sum_is w_i u_is^2 |x_i - c_s|^2
-    after each update of the centres
+    """Result of fuzzy c-means.
+
+    memberships : (n, k), rows sum to 1; positions_mm : (k, 3) centres; objective : mm^2 times the unit of the
+    weights, sum_is w_i u_is^2 |x_i - c_s|^2 after each update of the centres
     """
 
     memberships: FloatArray
@@ -61,80 +76,90 @@ class Fuzzy:
 
 
 def cluster(method: str, points: FloatArray, weights: FloatArray, k: int, seed: int) -> Clusters:
-    """Cut `points` (n, 3) into at most `k` clusters by a method of `METHODS`; n distinct points give at most
-    n.
+    """Cluster `points` (n, 3) mm with `weights` (n,) into at most min(k, n) clusters.
+
+    method : a key of `METHODS`
     """
     k = min(k, len(points))
-    floor = np.finfo(np.float64).tiny + 1e-12 * weights.mean()  # a point of no area is still a point
+    floor = np.finfo(np.float64).tiny + _MIN_WEIGHT_SHARE * weights.mean()
     partition = METHODS[method](points, np.maximum(weights, floor), k, seed)
     return _ordered(points, partition)
 
 
 def k_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Least sum of w_i |x_i - c|^2: Lloyd from k-means++ seeds (Arthur & Vassilvitskii 2007), by
-    scikit-learn.
+    """Minimise sum_i w_i |x_i - c|^2: Lloyd's iteration from k-means++ seeds (Arthur & Vassilvitskii 2007),
+    by scikit-learn.
     """
     from sklearn.cluster import KMeans
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(limits=1):  # it adds up in the order its threads finish
-        found = KMeans(n_clusters=k, n_init=STARTS, max_iter=MAX_ITERATIONS, random_state=seed)
-        found.fit(points, sample_weight=weights)
+    with threadpool_limits(limits=1):  # the order of summation depends on the threads
+        model = KMeans(n_clusters=k, n_init=STARTS, max_iter=MAX_ITERATIONS, random_state=seed)
+        model.fit(points, sample_weight=weights)
     return Partition(
-        np.asarray(found.labels_, dtype=np.int64), np.asarray(found.cluster_centers_, dtype=np.float64)
+        np.asarray(model.labels_, dtype=np.int64), np.asarray(model.cluster_centers_, dtype=np.float64)
     )
 
 
 def gaussian_mixture(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """k Gaussians with full covariances by expectation maximisation (Dempster et al. 1977), by scikit-learn;
-    a point belongs to the component it most likely came from. Without weights.
+    """k Gaussians with full covariances by expectation maximisation (Dempster et al. 1977), by scikit-learn.
+
+    Each point is assigned to its most probable component. The weights are not used.
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.mixture import GaussianMixture
     from threadpoolctl import threadpool_limits
 
-    spread = float(points.var(axis=0).sum())  # scikit-learn's regularisation has a unit: mm^2
+    spread = float(points.var(axis=0).sum())  # mm^2, the unit of scikit-learn's reg_covar
     with threadpool_limits(limits=1), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # the best so far is a result too
-        found = GaussianMixture(
-            k, n_init=SLOW_STARTS, max_iter=MAX_ITERATIONS, reg_covar=1e-6 * spread, random_state=seed
+        warnings.simplefilter("ignore", ConvergenceWarning)  # an iteration limit is no error here
+        model = GaussianMixture(
+            k,
+            n_init=SLOW_STARTS,
+            max_iter=MAX_ITERATIONS,
+            reg_covar=_COVARIANCE_SHARE * spread,
+            random_state=seed,
         ).fit(points)
-        labels = found.predict(points)
-    return Partition(np.asarray(labels, dtype=np.int64), np.asarray(found.means_, dtype=np.float64))
+        labels = model.predict(points)
+    return Partition(np.asarray(labels, dtype=np.int64), np.asarray(model.means_, dtype=np.float64))
 
 
 def k_medians(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Least sum of w_i |x_i - c|_1: Lloyd's iteration with component-wise medians, best of `SLOW_STARTS`."""
+    """Minimise sum_i w_i |x_i - c|_1: Lloyd's iteration with component-wise medians; best of several."""
     rng = np.random.default_rng(seed)
-    best, least = None, np.inf
+    best, min_cost = None, np.inf
     for _ in range(SLOW_STARTS):
-        found, cost = _k_medians_from(points, weights, points[_seeds(points, weights, k, rng, order=1)])
-        if cost < least:
-            best, least = found, cost
+        partition, cost = _k_medians_from(points, weights, points[_seeds(points, weights, k, rng, order=1)])
+        if cost < min_cost:
+            best, min_cost = partition, cost
     assert best is not None  # noqa: S101 # the cost is finite
     return best
 
 
 def k_centers(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Least largest distance to a centre, within a factor of 2: the farthest point is the next centre
-    (Gonzalez 1985). The first is the farthest from the mean, so nothing is drawn; without weights.
+    """Minimise the largest distance to a centre, within a factor of 2 (Gonzalez 1985).
+
+    The next centre is the point farthest from all centres so far; the first is the point farthest from the
+    mean. Deterministic; neither the weights nor the seed are used.
     """
     positions_mm = points[sampling.farthest(points, k)]
     return Partition(_distances(points, positions_mm, order=2).argmin(axis=1), positions_mm)
 
 
 def fuzzy_c_means(points: FloatArray, weights: FloatArray, k: int, seed: int) -> Partition:
-    """Bezdek 1981 with m = 2, the best of `SLOW_STARTS`; a point belongs where its membership is largest."""
+    """Bezdek 1981 with fuzzifier m = 2, best of `SLOW_STARTS`. Each point is assigned by its largest
+    membership.
+    """
     rng = np.random.default_rng(seed)
     starts = [points[_seeds(points, weights, k, rng, order=2)] for _ in range(SLOW_STARTS)]
     best = min(
-        (fuzzy_from(points, weights, start) for start in starts), key=lambda found: found.objective[-1]
+        (fuzzy_from(points, weights, start) for start in starts), key=lambda result: result.objective[-1]
     )
     return Partition(best.memberships.argmax(axis=1), best.positions_mm)
 
 
 def fuzzy_from(points: FloatArray, weights: FloatArray, positions_mm: FloatArray) -> Fuzzy:
-    """Fuzzy c-means from given centres (k, 3), to the end."""
+    """Fuzzy c-means from the start centres `positions_mm` (k, 3), until convergence."""
     objective: list[float] = []
     memberships = _memberships(_distances_sq(points, positions_mm))
     for _ in range(MAX_ITERATIONS):
@@ -159,8 +184,9 @@ METHODS: dict[str, Method] = {
 
 
 def _memberships(dist_sq: FloatArray) -> FloatArray:
-    """(n, k): u_is = |x_i - c_s|^-2 / sum_t |x_i - c_t|^-2; a point on a centre belongs to it (or them)
-    alone.
+    """(n, k): u_is = |x_i - c_s|^-2 / sum_t |x_i - c_t|^-2 (Bezdek 1981).
+
+    A point that coincides with one or more centres belongs to these only.
     """
     nearest = dist_sq.min(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):  # 0 / 0 on a centre
@@ -178,7 +204,9 @@ def _k_medians_from(
         distance = _distances(points, positions_mm, order=1)
         before, labels = labels, distance.argmin(axis=1)
         own = np.take_along_axis(distance, labels[:, None], axis=1)[:, 0]
-        for empty in np.setdiff1d(np.arange(len(positions_mm)), labels):  # it gets the worst served point
+        for empty in np.setdiff1d(
+            np.arange(len(positions_mm)), labels
+        ):  # it gets the point with the largest distance
             worst = int(own.argmax())
             labels[worst], own[worst] = empty, 0.0
         if (labels == before).all():
@@ -191,7 +219,7 @@ def _k_medians_from(
 
 
 def _weighted_median(points: FloatArray, weights: FloatArray) -> FloatArray:
-    """(3,) component by component the first value at which half the weight is reached."""
+    """(3,) for each component the smallest value at which the cumulated weight reaches one half."""
     order = np.argsort(points, axis=0, kind="stable")
     reached = np.cumsum(weights[order], axis=0)
     half = (reached >= 0.5 * reached[-1]).argmax(axis=0)
@@ -201,8 +229,10 @@ def _weighted_median(points: FloatArray, weights: FloatArray) -> FloatArray:
 def _seeds(
     points: FloatArray, weights: FloatArray, k: int, rng: np.random.Generator, *, order: int
 ) -> IndexArray:
-    """(k,) points drawn one after another with probability w_i d_i^order, d_i the distance to the nearest
-    drawn one (k-means++; order 1 is its form for medians).
+    """(k,) indices of the start centres, by k-means++ (order 2) or its variant for medians (order 1).
+
+    They are drawn one after another with probability proportional to w_i d_i^order, where d_i is the distance
+    from point i to the nearest centre drawn so far.
     """
     chance = weights.copy()
     nearest = np.full(len(points), np.inf)
@@ -226,14 +256,13 @@ def _distances_sq(points: FloatArray, positions_mm: FloatArray) -> FloatArray:
 
 
 def _ordered(points: FloatArray, partition: Partition) -> Clusters:
-    """Empty clusters left out, a member for each centre, the largest cluster first."""
-    kept, labels, sizes = np.unique(partition.labels, return_inverse=True, return_counts=True)
+    """Drop empty clusters, replace each centre by its nearest member, and sort the largest cluster first."""
+    used, labels, sizes = np.unique(partition.labels, return_inverse=True, return_counts=True)
     to_centre = np.linalg.norm(points - partition.positions_mm[partition.labels], axis=1)
-    by_label = np.lexsort(
-        (np.arange(len(points)), to_centre, labels)
-    )  # the nearest member first in each cluster
-    centres = by_label[np.searchsorted(labels[by_label], np.arange(len(kept)))]
+    # By cluster, then the member nearest to the centre first.
+    by_label = np.lexsort((np.arange(len(points)), to_centre, labels))
+    centres = by_label[np.searchsorted(labels[by_label], np.arange(len(used)))]
     order = np.lexsort((centres, -sizes))
-    rank = np.empty(len(kept), dtype=np.int32)
-    rank[order] = np.arange(len(kept), dtype=np.int32)
+    rank = np.empty(len(used), dtype=np.int32)
+    rank[order] = np.arange(len(used), dtype=np.int32)
     return Clusters(rank[labels], centres[order].astype(np.int64))

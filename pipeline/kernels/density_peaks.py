@@ -1,8 +1,8 @@
-"""Clustering by fast search and find of density peaks (CFSFDP), whatever the distances are.
+"""Clustering by fast search and find of density peaks (CFSFDP), for any metric.
 
 Rodriguez & Laio, "Clustering by fast search and find of density peaks", Science 344 (2014). Symbols: d_c
 cut-off distance, rho local density (eq. 1), delta distance to the nearest denser point (eq. 2). Equal
-densities rank by index, so every result is the same on every machine.
+densities are ordered by index, so the results are the same on every machine.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,10 @@ import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
 
-_FIRST_BATCH = 32  # vertices of each cluster whose border is looked for at once
+#: Vertices of each cluster in the first batch of `halo`; later batches double. Affects only the time.
+_FIRST_BATCH = 32
+#: Lower limit of a density before its logarithm; avoids log 0.
+_MIN_DENSITY = 1e-300
 
 
 def choose_centres(
@@ -24,10 +27,11 @@ def choose_centres(
     max_centres: int,
     n_centres: int | None,
 ) -> IndexArray:
-    """Vertices at the upper right of the decision graph, largest rho * delta first.
+    """(c,) indices of the cluster centres, by decreasing gamma = rho * delta.
 
-    forced : always centres (the densest vertex of each piece). Beside them, `n_centres` in all by rho * delta
-    if given, else every vertex with delta >= `delta_min` and rho >= `rho_min`, at most `max_centres`.
+    rho, delta : (n,); forced : (f,) vertices that are always centres (the densest vertex of each piece).
+    The other centres: if `n_centres` is set, those with the largest gamma, `n_centres` in all with `forced`;
+    otherwise every vertex with delta >= `delta_min` and rho >= `rho_min`, at most `max_centres` in all.
     """
     gamma = rho * np.where(np.isfinite(delta), delta, 0.0)
     order = np.argsort(-gamma, kind="stable")
@@ -42,8 +46,10 @@ def choose_centres(
 
 
 def assign(nearest_denser: IndexArray, centres: IndexArray) -> IntArray:
-    """(n,) int32 cluster of each vertex: that of its nearest denser vertex; -1 if that chain reaches no
-    centre.
+    """(n,) int32: cluster of each vertex, which is the cluster of its nearest denser vertex.
+
+    nearest_denser : (n,) index, -1 for none; centres : (c,). The cluster is -1 if the chain of denser
+    vertices reaches no centre.
     """
     n = len(nearest_denser)
     ancestor = np.append(np.where(nearest_denser >= 0, nearest_denser, n), n)  # vertex n: no centre
@@ -67,26 +73,28 @@ def persistent_centres(
     min_prominence: float,
     n_centres: int | None = None,
 ) -> tuple[IndexArray, IntArray]:
-    """Join density peaks over dense borders; what stays are the centres.
+    """Merge density peaks across dense borders; the remaining peaks are the centres.
 
-    Average linkage over the borders, in the spirit of topological persistence (Edelsbrunner, Letscher,
-    Zomorodian 2002): the mean of a border, not its one densest point, tells two touching teeth from two cusps
-    of one.
+    Average linkage over the borders, similar to topological persistence (Edelsbrunner, Letscher, Zomorodian
+    2002). The mean over a border, instead of its densest point, separates two touching teeth but keeps the
+    two cusps of one tooth together.
 
-    Every candidate (vertex with delta above d_c) starts a cluster. Of all touching pairs of clusters the one
-    with the least prominence p = log min(rho_peak) - mean over border edges of log min(rho_i, rho_j) is
-    joined, the lower peak's cluster into the higher's, borders and their means being pooled, until no p is
-    below `min_prominence` or `n_centres` are left. Equal p: the pair with the smaller indices.
+    Every candidate (vertex with delta above d_c) starts as one cluster. In each step the touching pair of
+    clusters with the smallest prominence p = log min(rho_peak) - mean over border edges of log min(rho_i,
+    rho_j) is merged: the cluster of the lower peak joins that of the higher one, and their borders are
+    pooled. The merging stops when no p is below `min_prominence`, or when `n_centres` clusters remain. For
+    equal p the pair with the smaller indices is merged.
 
-    rho : (n,) > 0; labels : (n,) cluster of each vertex, -1 none; candidates : (k,), cluster c's peak; ends :
-    (e, 2) mesh edges.
+    rho : (n,) > 0; labels : (n,) cluster of each vertex, -1 none; candidates : (k,), peak of
+    cluster c; ends : (e, 2) mesh edges; min_prominence : no unit.
 
     Returns
     -------
-    centres : (c,) subset of `candidates`, in their order; labels : (n,) int32 numbers in `centres`, -1 kept
+    centres : (c,) subset of `candidates`, in their order; labels : (n,) int32 position in `centres`, -1 for
+    none
     """
     k = len(candidates)
-    height = np.log(np.maximum(rho, 1e-300))
+    height = np.log(np.maximum(rho, _MIN_DENSITY))
     a, b = labels[ends[:, 0]], labels[ends[:, 1]]
     across = (a != b) & (a >= 0) & (b >= 0)
     a, b = a[across], b[across]
@@ -105,8 +113,8 @@ def persistent_centres(
 
     root = np.arange(k)
     prominence = prominences(slice(None))
-    left = k
-    while left > (n_centres or 1):
+    n_clusters = k
+    while n_clusters > (n_centres or 1):
         i, j = divmod(int(prominence.argmin()), k)
         p = prominence[i, j]
         if not np.isfinite(p) or (n_centres is None and p >= min_prominence):
@@ -121,23 +129,23 @@ def persistent_centres(
         prominence[drop], prominence[:, drop] = np.inf, np.inf
         prominence[keep] = prominences(keep)
         prominence[:, keep] = prominence[keep]
-        left -= 1
-    kept, number = np.unique(root, return_inverse=True)
+        n_clusters -= 1
+    remaining_roots, number = np.unique(root, return_inverse=True)
     new = np.append(number, -1).astype(np.int32)  # last: no cluster
-    return candidates[kept].astype(np.int64), new[labels]
+    return candidates[remaining_roots].astype(np.int64), new[labels]
 
 
 def halo(
     rho: FloatArray, labels: IntArray, n_clusters: int, at_border: Callable[[IndexArray], BoolArray]
 ) -> BoolArray:
-    """(n,) vertices less dense than their cluster's border density, by the *article's* definition.
+    """(n,) whether a vertex is less dense than the border density of its cluster (Rodriguez & Laio 2014).
 
-    The border region of a cluster are its points within d_c of a point of another cluster; its border density
-    is the highest rho in that region. (The authors' published code averages the rho of the two points
-    instead.)
+    This is the definition of the *article*: the border region of a cluster contains its points within d_c of
+    a point of another cluster, and the border density is the highest rho in this region. (The authors'
+    published code averages the rho of the two points instead.)
 
-    at_border : for vertices (k,), whether each lies in the border region of its cluster; asked of the densest
-    vertices of each cluster first, so it is rarely asked of many
+    rho : (n,); labels : (n,) cluster, -1 none; at_border : for vertices (k,), whether each lies in the border
+    region of its cluster. It is called for the densest vertices of each cluster first, so usually for few.
     """
     order = np.lexsort((np.arange(len(rho)), -rho, labels))
     order = order[labels[order] >= 0]
@@ -145,15 +153,16 @@ def halo(
     border_rho = np.zeros(n_clusters + 1)  # last: vertices without a cluster
     open_clusters, batch, offset = list(range(n_clusters)), _FIRST_BATCH, 0
     while open_clusters:
-        asked = [
+        tested = [
             order[begin[c] + offset : min(begin[c + 1], begin[c] + offset + batch)] for c in open_clusters
         ]
-        answers = np.split(at_border(np.concatenate(asked)), np.cumsum([len(each) for each in asked])[:-1])
-        still = []
-        for cluster, vertices, answer in zip(open_clusters, asked, answers, strict=True):
-            if answer.any():
-                border_rho[cluster] = rho[vertices[answer.argmax()]]
+        sizes = [len(vertices) for vertices in tested]
+        on_border = np.split(at_border(np.concatenate(tested)), np.cumsum(sizes)[:-1])
+        remaining = []
+        for cluster, vertices, is_border in zip(open_clusters, tested, on_border, strict=True):
+            if is_border.any():
+                border_rho[cluster] = rho[vertices[is_border.argmax()]]
             elif begin[cluster] + offset + batch < begin[cluster + 1]:
-                still.append(cluster)
-        open_clusters, offset, batch = still, offset + batch, 2 * batch
+                remaining.append(cluster)
+        open_clusters, offset, batch = remaining, offset + batch, 2 * batch
     return np.asarray(rho < border_rho[labels], dtype=np.bool_)

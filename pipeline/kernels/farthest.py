@@ -1,8 +1,8 @@
-"""Geodesic farthest-point sampling: each next point is the farthest from those taken.
+"""Geodesic farthest-point sampling: the next sample is the vertex farthest from all samples so far.
 
 Eldar, Lindenbaum, Porat, Zeevi, "The farthest point strategy for progressive image sampling" (1997); on
-surfaces Moenning & Dodgson (2003). Each new source is searched no farther than the present largest distance,
-so that later ones cost little.
+surfaces Moenning & Dodgson (2003). The search from a new sample stops at the largest distance so far, so
+later samples cost little.
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,18 @@ import numpy as np
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 from pipeline.kernels.geodesics import GeodesicSolver
 
+#: Relative margin on the search radius: geodesic distances are exact up to rounding only. Derived from the
+#: rounding of the geodesic solver, with reserve.
+_ROUNDING_MARGIN = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """taken : (k,) in order; reach_mm : (k,) distance of each to those before it, not rising; inf where a
-    piece of the surface is new; distance_mm : (n,) to the nearest taken one
+    """Result of the sampling.
+
+    taken : (k,) vertex indices in the order of sampling; reach_mm : (k,) distance of each sample to the
+    earlier ones, not increasing, inf for the first sample of a connected piece; distance_mm : (n,) distance
+    of each vertex to the nearest sample
     """
 
     taken: IndexArray
@@ -27,16 +34,16 @@ class Spread:
 def farthest_points(
     vertices: FloatArray, areas: FloatArray, solver: GeodesicSolver, count: int, usable: BoolArray
 ) -> Spread:
-    """At most `count` of the usable vertices, fewer when all of them lie on taken ones.
+    """Sample at most `count` of the usable vertices; fewer if every usable vertex coincides with a sample.
 
-    The first is the one farthest (straight) from the area centroid. Pieces are infinitely far from each
-    other: each gets its first point, found in the same way, the largest piece first, before any gets a
-    second.
+    The first sample is the vertex with the largest Euclidean distance from the area centroid. Connected
+    pieces are infinitely far from each other: each piece gets a first sample by the same rule, the largest
+    piece first, before any piece gets a second one.
 
-    vertices : (n, 3) mm; areas : (n,) mm^2; usable : (n,).
+    vertices : (n, 3) mm; areas : (n,) mm^2, vertex areas; usable : (n,)
     """
     centroid = np.einsum("n,nd->d", areas, vertices) / max(float(areas.sum()), 1e-300)
-    outside = np.linalg.norm(vertices - centroid, axis=1)
+    from_centroid = np.linalg.norm(vertices - centroid, axis=1)
     piece_area = np.bincount(solver.components, weights=areas)[solver.components]
     distance = np.full(len(vertices), np.inf)
     taken: list[int] = []
@@ -45,14 +52,13 @@ def farthest_points(
         reached = np.isfinite(distance)
         new = np.flatnonzero(usable & ~reached)
         if len(new):
-            vertex = int(new[np.lexsort((new, -outside[new], -piece_area[new]))[0]])
+            vertex = int(new[np.lexsort((new, -from_centroid[new], -piece_area[new]))[0]])
         else:
             vertex = int(np.where(usable, distance, -1.0).argmax())
         if not usable[vertex] or distance[vertex] == 0:
             break
         taken.append(vertex)
         reach.append(float(distance[vertex]))
-        # Farther than the farthest vertex nothing can come nearer. 1e-9: distances are right to rounding
-        # only.
-        distance = np.minimum(distance, solver.distances(vertex, reach[-1] * (1 + 1e-9)))
+        # A vertex beyond the current largest distance cannot become nearer.
+        distance = np.minimum(distance, solver.distances(vertex, reach[-1] * (1 + _ROUNDING_MARGIN)))
     return Spread(np.array(taken, dtype=np.int64), np.array(reach), distance)

@@ -1,5 +1,5 @@
-"""Fast point feature histograms (Rusu, Blodow & Beetz 2009), and what reflections do to them without a second
-run.
+"""Fast point feature histograms (Rusu, Blodow & Beetz 2009), and their values under a reflection without
+a second computation.
 
 A histogram has 33 bins: 11 for each of the three angles (theta, alpha, phi) between the normals of a point
 and its neighbours.

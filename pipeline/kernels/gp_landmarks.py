@@ -1,18 +1,18 @@
-"""Gaussian process landmarks: the next point is where a Gaussian process, known at those taken, is most
-uncertain.
+"""Gaussian process landmarks: the next landmark is the point where a Gaussian process, conditioned on the
+landmarks so far, has the largest variance.
 
 Gao, Kovalsky, Daubechies, "Gaussian process landmarking on manifolds" (2019) and, with Boyer, "Gaussian
 process landmarking for three-dimensional geometric morphometrics" (2019).
 
     k(x, y) = sum_z phi(x, z) w(z) phi(z, y),   phi(x, y) = exp(-|x - y|^2 / t)
-    w = area (lambda |K| / sum |K| + (1 - lambda) |H| / sum |H|),   lambda = 1/2, curvatures to the power
-    rho = 1 var(x) = k(x, x) - k(x, taken) k(taken, taken)^-1 k(taken, x)
+    w = area (lambda |K| / sum |K| + (1 - lambda) |H| / sum |H|),   lambda = 1/2, exponent rho = 1
+    var(x) = k(x, x) - k(x, taken) k(taken, taken)^-1 k(taken, x)
 
-As in the authors' code (shaharkov/GPLmkBDMatch) distances are straight ones, phi keeps the 500 nearest
-vertices and is made symmetric, and t is a fifth of the mean edge length of the mesh scaled to area 1,
-which is edge sqrt(area) / 5 here. Values of phi below 1e-6 are left out, too. As w >= 0, k stays positive
-semidefinite whatever phi loses. The variances are those of a Cholesky decomposition with pivoting, so k is
-never formed: only its diagonal and the columns taken, O(n k^2) in all.
+As in the authors' code (shaharkov/GPLmkBDMatch), distances are Euclidean, phi keeps the 500 nearest vertices
+and is symmetrised, and t is a fifth of the mean edge length of the mesh scaled to area 1, which is
+edge sqrt(area) / 5 here. In addition, values of phi below 1e-6 are dropped. Because w >= 0, k remains
+positive semidefinite. The variances are those of a pivoted Cholesky decomposition, so k is never formed: only
+its diagonal and the columns of the landmarks are computed, O(n k^2) in all.
 """
 
 from dataclasses import dataclass
@@ -23,17 +23,25 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.mesh import FloatArray, IndexArray
 
+#: Share of the Gaussian curvature in the weights, no unit; from literature (Gao et al. 2019).
 LAMBDA = 0.5
-BANDWIDTH_EDGES = 0.2  # of a mean edge, at area 1
+#: Bandwidth t, in mean edge lengths on the mesh scaled to area 1; from the authors' code.
+BANDWIDTH_EDGES = 0.2
+#: Nearest vertices that phi keeps; from the authors' code.
 NEAREST = 500
-_LEAST_PHI = 1e-6
-_EXHAUSTED = 1e-12  # of the largest prior variance: beyond this only rounding is left
+#: Smallest value of phi that is kept, no unit. Chosen by hand, not fitted.
+_MIN_PHI = 1e-6
+#: Smallest variance of a further landmark, as a share of the largest prior variance; below it only rounding
+#: error remains. Chosen by hand, not fitted.
+_MIN_VARIANCE_SHARE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class Greedy:
-    """taken : (k,) in order; variance : (k,) of each before it was taken, not rising; left : (n,) at the
-    end
+    """Result of the greedy selection.
+
+    taken : (k,) indices in the order of selection; variance : (k,) variance of each before its selection, not
+    increasing; left : (n,) remaining variance of every point at the end
     """
 
     taken: IndexArray
@@ -42,7 +50,9 @@ class Greedy:
 
 
 def curvature_weights(areas: FloatArray, gaussian: FloatArray, mean: FloatArray) -> FloatArray:
-    """(n,) w of the vertices. areas : mm^2; gaussian, mean : curvatures; a flat surface weighs by area."""
+    """(n,) weights w. areas : (n,) mm^2; gaussian : (n,) 1/mm^2; mean : (n,) 1/mm. On a flat surface w is the
+    area over n.
+    """
     total = np.zeros(len(areas))
     for share, curvature in ((LAMBDA, np.abs(gaussian)), (1 - LAMBDA, np.abs(mean))):
         size = float(curvature.sum())
@@ -51,11 +61,11 @@ def curvature_weights(areas: FloatArray, gaussian: FloatArray, mean: FloatArray)
 
 
 def heat_factor(points: FloatArray, bandwidth: float) -> csr_matrix:
-    """(n, n) phi. points : (n, 3) mm; bandwidth : t, mm^2."""
+    """(n, n) phi, no unit. points : (n, 3) mm; bandwidth : t, mm^2"""
     n, nearest = len(points), min(NEAREST + 1, len(points))
-    reach = np.sqrt(bandwidth * np.log(1 / _LEAST_PHI))
-    found = cKDTree(points).query(points, k=np.arange(1, nearest + 1), distance_upper_bound=reach)
-    distance, other = np.asarray(found[0]), np.asarray(found[1])
+    reach = np.sqrt(bandwidth * np.log(1 / _MIN_PHI))
+    neighbours = cKDTree(points).query(points, k=np.arange(1, nearest + 1), distance_upper_bound=reach)
+    distance, other = np.asarray(neighbours[0]), np.asarray(neighbours[1])
     near = np.isfinite(distance)
     values = np.exp(-(distance[near] ** 2) / bandwidth)
     starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
@@ -64,14 +74,14 @@ def heat_factor(points: FloatArray, bandwidth: float) -> csr_matrix:
 
 
 def most_uncertain(phi: csr_matrix, weights: FloatArray, count: int) -> Greedy:
-    """At most `count` points of the greedy choice, fewer when no uncertainty is left. phi : (n, n);
-    weights : (n,).
+    """Select at most `count` points greedily by variance; fewer if only rounding error of variance remains.
+
+    phi : (n, n), of `heat_factor`; weights : (n,), of `curvature_weights`
     """
     variance = np.asarray(phi.multiply(phi) @ weights, dtype=np.float64)
-    floor = _EXHAUSTED * float(variance.max(initial=0.0))
-    factor = np.zeros(
-        (count, len(weights))
-    )  # rows of the Cholesky factor: k = factor.T @ factor on the taken
+    floor = _MIN_VARIANCE_SHARE * float(variance.max(initial=0.0))
+    # Rows of the Cholesky factor: k = factor.T @ factor on the selected points.
+    factor = np.zeros((count, len(weights)))
     taken, before = [], []
     for row in range(count):
         new = int(variance.argmax()) if len(variance) else -1
@@ -79,8 +89,8 @@ def most_uncertain(phi: csr_matrix, weights: FloatArray, count: int) -> Greedy:
             break
         near = phi[[new]]
         column = phi[near.indices].T @ (weights[near.indices] * near.data)  # k(., new); phi is symmetric
-        known = np.einsum("kn,k->n", factor[:row], factor[:row, new])
-        factor[row] = (column - known) / np.sqrt(variance[new])
+        explained = np.einsum("kn,k->n", factor[:row], factor[:row, new])
+        factor[row] = (column - explained) / np.sqrt(variance[new])
         taken.append(new)
         before.append(float(variance[new]))
         variance = np.maximum(variance - factor[row] ** 2, 0.0)

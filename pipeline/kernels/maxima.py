@@ -1,7 +1,7 @@
-"""Vertices in the order of a field on a surface: its local maxima first, then everything else.
+"""Ranking of the vertices by a scalar field on a surface: local maxima first, then all other vertices.
 
-Fields are compared in steps of 2^-40 of their size, and equal values go by index: where a field is flat,
-turning the part must not reorder its rounding errors.
+Fields are rounded to steps of 2^-40 of their largest magnitude, and equal values are ordered by index, so
+that rounding errors in a flat region do not change the order when the part is rotated.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,16 @@ from scipy.sparse import csr_matrix
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray
 from pipeline.kernels import topology
 
+#: Bits that remain of a field after rounding, relative to its largest magnitude. Derived: the step is larger
+#: than the rounding error of the fields.
+_FIELD_BITS = 40
+#: Smallest magnitude of a field; avoids log 0.
+_TINY = 1e-300
+
 
 @dataclass(frozen=True, slots=True)
 class Ranking:
-    """vertex : (k,) best first; strength : (k,) without unit, falling"""
+    """vertex : (k,) index, best first; strength : (k,) no unit, decreasing"""
 
     vertex: IndexArray
     strength: FloatArray
@@ -23,64 +29,64 @@ class Ranking:
 
 @dataclass(frozen=True, slots=True)
 class Neighbours:
-    """Pairs of vertices near each other, both ways round. of, other : (k,), of != other"""
+    """Ordered pairs of neighbouring vertices, each pair in both orders. of, other : (k,), of != other"""
 
     of: IndexArray
     other: IndexArray
 
 
 def ring(faces: IntArray, n: int, rings: int = 1) -> Neighbours:
-    """Vertices at most so many edges apart."""
+    """Pairs of vertices at most `rings` edges apart. faces : (m, 3); n : number of vertices"""
     i, j = topology.edges(faces).ends.T
     step = csr_matrix((np.ones(2 * len(i)), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
     reached = step
     for _ in range(rings - 1):
         reached = csr_matrix(reached + reached @ step)
     pairs = reached.tocoo()
-    apart = pairs.row != pairs.col
-    return Neighbours(pairs.row[apart].astype(np.int64), pairs.col[apart].astype(np.int64))
+    distinct = pairs.row != pairs.col
+    return Neighbours(pairs.row[distinct].astype(np.int64), pairs.col[distinct].astype(np.int64))
 
 
 def local_maxima(field: FloatArray, near: Neighbours) -> BoolArray:
-    """(n,) whether no neighbour's value is larger and one is smaller; of equal neighbours the smaller index
-    counts.
+    """(n,) whether the vertex is a local maximum: no neighbour is larger, and at least one is smaller.
 
-    Never where the field is -inf, nor at a vertex without neighbours.
+    field : (n,). Among equal neighbours only the smallest index is a maximum. Vertices where the field is
+    -inf and vertices without neighbours are no maxima.
     """
     field = stepped(field)
-    standing = np.zeros(len(field), dtype=np.int64)
-    standing[np.argsort(-field, kind="stable")] = np.arange(len(field))[::-1]
-    highest = np.full(len(field), -1, dtype=np.int64)
-    np.maximum.at(highest, near.of, standing[near.other])
-    above = np.zeros(len(field), dtype=np.bool_)
-    lower = field[near.other]
-    above[near.of[(field[near.of] > lower) & np.isfinite(lower)]] = True
-    top: BoolArray = above & (standing > highest)
-    return top
+    rank = np.zeros(len(field), dtype=np.int64)
+    rank[np.argsort(-field, kind="stable")] = np.arange(len(field))[::-1]
+    highest_neighbour = np.full(len(field), -1, dtype=np.int64)
+    np.maximum.at(highest_neighbour, near.of, rank[near.other])
+    has_lower = np.zeros(len(field), dtype=np.bool_)
+    other = field[near.other]
+    has_lower[near.of[(field[near.of] > other) & np.isfinite(other)]] = True
+    is_maximum: BoolArray = has_lower & (rank > highest_neighbour)
+    return is_maximum
 
 
 def stepped(field: FloatArray) -> FloatArray:
-    """The field rounded to 2^-40 of its largest magnitude; -inf stays."""
+    """The field (n,) rounded to 2^-40 of its largest magnitude; -inf is kept."""
     size = float(np.max(np.abs(field[np.isfinite(field)]), initial=0.0))
-    unit = float(2.0 ** (np.ceil(np.log2(max(size, 1e-300))) - 40))
+    unit = float(2.0 ** (np.ceil(np.log2(max(size, _TINY))) - _FIELD_BITS))
     return np.asarray(np.round(field / unit) * unit, dtype=np.float64)
 
 
 def ranked(field: FloatArray, tops: BoolArray) -> Ranking:
-    """`tops` by the field, then all other vertices by the field; without those where it is -inf.
+    """Local maxima `tops` (n,) by decreasing `field` (n,), then all other vertices by decreasing field.
 
-    field : (n,); tops : (n,). Strength is the field from least (0) to greatest (1), half of it, and one more
-    at a top.
+    Vertices where the field is -inf are omitted. The strength is half of the field normalised to [0, 1], plus
+    1 at a maximum.
     """
     return coarse_to_fine(field[:, None], tops[:, None])
 
 
 def coarse_to_fine(fields: FloatArray, tops: BoolArray) -> Ranking:
-    """The same over scales: tops of the first (coarsest) field, tops that the second adds, ..., the rest by
-    the last.
+    """Ranking over s scales: maxima of the first (coarsest) field, further maxima of the second, and so on.
 
-    fields, tops : (n, s). Strength is the number of scales from the last to the one where the vertex is first
-    a top, plus half of the field there, from least (0) to greatest (1).
+    fields, tops : (n, s). The remaining vertices follow by the last field. The strength is the number of
+    scales from the last one to the first at which the vertex is a maximum, plus half of the field at that
+    scale, normalised to [0, 1].
     """
     scales = fields.shape[1]
     fields = np.stack([stepped(field) for field in fields.T], axis=1)
@@ -90,14 +96,14 @@ def coarse_to_fine(fields: FloatArray, tops: BoolArray) -> Ranking:
     first = np.where(tops.any(axis=1), tops.argmax(axis=1), scales)[usable]
     column = np.minimum(first, scales - 1)
     value = fields[usable, column]
-    least, greatest = fields[usable].min(axis=0), fields[usable].max(axis=0)
-    span = np.where(greatest > least, greatest - least, 1.0)
-    strength = (scales - first) + 0.5 * (value - least[column]) / span[column]
+    low, high = fields[usable].min(axis=0), fields[usable].max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    strength = (scales - first) + 0.5 * (value - low[column]) / span[column]
     order = np.lexsort((usable, -value, first))
     return Ranking(usable[order], np.asarray(strength[order], dtype=np.float64))
 
 
 def by_turn(vertex: IndexArray) -> Ranking:
-    """An order that has no natural strength: 1, 1/2, 1/3, ..."""
-    turn = np.arange(1, len(vertex) + 1, dtype=np.float64)
-    return Ranking(vertex, 1.0 / turn)
+    """Ranking in the order of `vertex` (k,), for orders without a natural strength: 1, 1/2, 1/3, ..."""
+    position = np.arange(1, len(vertex) + 1, dtype=np.float64)
+    return Ranking(vertex, 1.0 / position)

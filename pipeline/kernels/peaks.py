@@ -1,4 +1,4 @@
-"""Where a field on a surface has its maxima, between the vertices, and how sharp they are."""
+"""Maxima of a scalar field on a surface, located between vertices by a quadric fit, and their sharpness."""
 
 from dataclasses import dataclass
 
@@ -8,17 +8,32 @@ from scipy.spatial import cKDTree
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.kernels import topology
 
+#: Smallest radius of the fit, in mean edge lengths. Chosen by hand, not fitted.
 MIN_REACH_EDGES = 2.0
-_MIN_POINTS = 8  # for a fit of six coefficients
-_SAME_SIDE = 0.2  # cosine of normals: the other side of a thin wall is near, but another place
-_MAX_STEP = 0.7  # of the reach: a maximum of the fit beyond it is extrapolated
+#: Fewest points of a fit, which has six coefficients. Chosen by hand, not fitted.
+_MIN_POINTS = 8
+#: Smallest cosine between the normals of a point and the vertex; excludes the other side of a thin wall.
+#: Chosen by hand, not fitted.
+_MIN_COSINE = 0.2
+#: Largest shift of a maximum, as a share of the radius; a larger one would be extrapolated. Chosen by hand,
+#: not fitted.
+_MAX_STEP = 0.7
+#: Smallest length of a shift, as a share of the radius; avoids a division by 0.
+_MIN_STEP = 1e-12
+#: Decimals to which the squared shares of the tangent offsets are rounded: equal offsets tie, and the first
+#: one wins. Derived from rounding, with reserve.
+_TIE_DECIMALS = 9
+#: Smallest length, avoids a division by 0.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """position_mm : (k, 3); value : (k,) of the field there; sharpness : (k,) field unit a mm^2, how fast it
-    falls in the direction where it falls least, - second derivative; <= 0 on a ridge or where nothing could
-    be fitted
+    """Located maxima.
+
+    position_mm : (k, 3); value : (k,) field at the position; sharpness : (k,) field unit per mm^2, the
+    negative second derivative in the direction where the field decreases most slowly; <= 0 on a ridge or
+    without a fit
     """
 
     position_mm: FloatArray
@@ -27,11 +42,11 @@ class Peaks:
 
 
 def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float) -> Peaks:
-    """The maximum of a quadric fitted to `field` (n,) around each of `vertices` (k,), weights exp(-2 (d /
-    reach)^2).
+    """Maximum of a quadric fitted to `field` (n,) around each of `vertices` (k,).
 
-    reach_mm : at least two mean edges are used, so that there is something to fit. Where the fit has no
-    maximum in reach, the vertex itself. Turning or scaling the mesh moves the answers with it.
+    reach_mm : radius of the fit, at least `MIN_REACH_EDGES` mean edges. The residual at distance d is
+    multiplied by exp(-(d / reach)^2). If the fit has no maximum, the result is the vertex itself. The result
+    follows a rotation or scaling of the mesh.
     """
     normals = mesh.vertex_normals()
     ends = topology.edges(mesh.faces).ends
@@ -43,13 +58,13 @@ def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float
         field[vertices].copy(),
         np.zeros(len(vertices)),
     )
-    for k, (vertex, found) in enumerate(zip(vertices, near, strict=True)):
-        members = np.array(found)[normals[found] @ normals[vertex] > _SAME_SIDE]
+    for k, (vertex, neighbours) in enumerate(zip(vertices, near, strict=True)):
+        members = np.array(neighbours)[normals[neighbours] @ normals[vertex] > _MIN_COSINE]
         if len(members) < _MIN_POINTS:
             continue
-        away = mesh.vertices[members] - mesh.vertices[vertex]
-        across, along = _tangents(normals[vertex], away)
-        x, y, z = away @ across / reach_mm, away @ along / reach_mm, away @ normals[vertex]
+        offset = mesh.vertices[members] - mesh.vertices[vertex]
+        t1, t2 = _tangents(normals[vertex], offset)
+        x, y, z = offset @ t1 / reach_mm, offset @ t2 / reach_mm, offset @ normals[vertex]
         weight = np.exp(-((x**2 + y**2) + (z / reach_mm) ** 2))
         basis = _quadric(x, y)
         fitted = np.linalg.lstsq(
@@ -57,28 +72,30 @@ def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float
         )[0]
         f, height = fitted.T
         hessian = np.array([[2 * f[3], f[4]], [f[4], 2 * f[5]]])
-        bends = np.linalg.eigvalsh(hessian)
-        sharpness[k] = -bends[1] / reach_mm**2
-        if bends[1] >= 0:
+        eigenvalues = np.linalg.eigvalsh(hessian)
+        sharpness[k] = -eigenvalues[1] / reach_mm**2
+        if eigenvalues[1] >= 0:
             continue
         step = -np.linalg.solve(hessian, f[1:3])
-        step *= min(1.0, _MAX_STEP / max(float(np.linalg.norm(step)), 1e-12))
+        step *= min(1.0, _MAX_STEP / max(float(np.linalg.norm(step)), _MIN_STEP))
         at = _quadric(step[:1], step[1:])[0]
-        positions[k] += reach_mm * (step[0] * across + step[1] * along) + float(at @ height) * normals[vertex]
+        positions[k] += reach_mm * (step[0] * t1 + step[1] * t2) + float(at @ height) * normals[vertex]
         values[k] = at @ f
     return Peaks(positions, values, sharpness)
 
 
 def _quadric(x: FloatArray, y: FloatArray) -> FloatArray:
-    """(k, 6) 1, x, y, x^2, xy, y^2"""
+    """(k, 6) basis functions 1, x, y, x^2, xy, y^2 at (k,) x and y."""
     return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
 
 
-def _tangents(normal: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across `normal`, the first towards the farthest neighbour, so that they turn with the
-    mesh.
+def _tangents(normal: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two orthonormal tangents (3,) of `normal` (3,); the first points to the farthest of `offset` (k, 3).
+
+    They rotate with the mesh.
     """
-    flat = away - np.outer(away @ normal, normal)
-    across = flat[int(np.round((flat**2).sum(axis=1) / max(float((flat**2).sum()), 1e-300), 9).argmax())]
-    across = across / max(float(np.linalg.norm(across)), 1e-300)
-    return across, np.cross(normal, across)
+    flat = offset - np.outer(offset @ normal, normal)
+    share = (flat**2).sum(axis=1) / max(float((flat**2).sum()), _TINY)
+    t1 = flat[int(np.round(share, _TIE_DECIMALS).argmax())]
+    t1 = t1 / max(float(np.linalg.norm(t1)), _TINY)
+    return t1, np.cross(normal, t1)

@@ -1,6 +1,4 @@
-"""What pymeshlab and fast_simplification do for us, array in, array out: repair, isotropic remeshing,
-decimation.
-"""
+"""Repair, isotropic remeshing (pymeshlab) and decimation (fast_simplification) of a mesh."""
 
 import fast_simplification
 import numpy as np
@@ -15,22 +13,27 @@ FILTERS = (
     "meshing_isotropic_explicit_remeshing",
 )
 
-MANY_FACES = 200_000  # viewers choke on more, and remeshing to thousands of vertices needs no more
-
-# Of fast_simplification's 0 to 10: at 5 a smooth scan of a million triangles came out with edges of three
-# triangles.
+#: Triangles of a displayed mesh, at most: viewers become slow with more, and remeshing to thousands of
+#: vertices needs no more. Chosen by hand, not fitted.
+MANY_FACES = 200_000
+#: Aggressiveness of the decimation, on fast_simplification's scale of 0 to 10, for smooth and for rough
+#: meshes. Chosen by hand, not fitted: at 5 a smooth scan of a million triangles got edges with three
+#: triangles.
 CAREFUL, BOLD = 3, 5
-# of triangles against the surface at their corners: the noise is as large as the triangles
+#: Roughness (`roughness_deg`), degrees, above which a mesh is rough: its noise is as large as its triangles.
+#: Chosen by hand, not fitted.
 ROUGH_DEG = 10.0
+#: Dihedral angle, degrees, above which remeshing keeps a crease. Chosen by hand, not fitted.
+CREASE_DEG = 30
 
 
 def assert_filters() -> None:
-    """Fail at start-up, not in a job: without the system library `libopengl0` pymeshlab silently lacks
-    filters.
+    """Check at start-up that pymeshlab has all `FILTERS`; without the library `libopengl0` some are missing.
 
     Raises
     ------
     RuntimeError
+        When a filter is missing.
     """
     missing = [name for name in FILTERS if not hasattr(pymeshlab.MeshSet, name)]
     if missing:
@@ -40,50 +43,52 @@ def assert_filters() -> None:
 
 
 def repair_non_manifold_edges(mesh: Mesh) -> tuple[IntArray, IndexArray]:
-    """Drop the smallest faces at every edge shared by more than two.
+    """Remove the smallest faces at every edge with more than two faces.
 
     Returns
     -------
-    faces : (m', 3) over kept vertices; old_of_new : (n',) with `mesh.vertices[old_of_new]` the kept
-    vertices
+    faces : (m', 3) over the remaining vertices; old_of_new : (n',), `mesh.vertices[old_of_new]` are the
+    remaining vertices
     """
     return _tracked(mesh, "meshing_repair_non_manifold_edges", method="Remove Faces")
 
 
 def orient_coherently(mesh: Mesh) -> tuple[IntArray, IndexArray]:
-    """Turn faces so that neighbours agree; returns as `repair_non_manifold_edges`."""
+    """Flip faces so that neighbours have the same orientation; returns as `repair_non_manifold_edges`."""
     return _tracked(mesh, "meshing_re_orient_faces_coherently")
 
 
 def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
-    """Triangles of nearly equal edges of `edge_mm` on the same surface; creases sharper than 30 degrees
-    stay.
-    """
+    """Remesh the surface with edges of about `edge_mm`; creases sharper than `CREASE_DEG` are kept."""
     meshes = _meshset(mesh)
     meshes.meshing_isotropic_explicit_remeshing(
-        iterations=iterations, targetlen=pymeshlab.PureValue(edge_mm), featuredeg=30, checksurfdist=False
+        iterations=iterations,
+        targetlen=pymeshlab.PureValue(edge_mm),
+        featuredeg=CREASE_DEG,
+        checksurfdist=False,
     )
     return _current(meshes)
 
 
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:
-    """About `n_faces` triangles, up to twice as many where the surface is smooth everywhere, by quadric
-    edge collapse (Forstmann's: ten times faster than pymeshlab's; corners of open borders are cut a
-    little). No edge has three.
+    """Decimate to about `n_faces` triangles, up to twice as many on a surface that is smooth everywhere.
 
-    A scan whose noise is as large as its triangles is taken boldly: to the careful every collapse costs
-    the noise, it stops at two thirds of a million triangles. The handful of edges of three that boldness
-    leaves are cut open.
+    Quadric edge collapse (Forstmann's implementation: ten times faster than pymeshlab's; it cuts the corners
+    of open borders slightly). No edge of the result has three triangles.
+
+    A mesh that is rougher than `ROUGH_DEG` is decimated with `BOLD` aggressiveness: with `CAREFUL` the noise
+    limits every collapse, and a scan of a million triangles stays at two thirds of them. The few edges with
+    three triangles that this leaves are removed.
     """
     if roughness_deg(mesh) <= ROUGH_DEG:
         return _simplified(mesh, n_faces, CAREFUL)
-    few = _simplified(mesh, n_faces, BOLD)
-    faces, kept = repair_non_manifold_edges(few)
-    return Mesh(few.vertices[kept], faces)
+    simplified = _simplified(mesh, n_faces, BOLD)
+    faces, old_of_new = repair_non_manifold_edges(simplified)
+    return Mesh(simplified.vertices[old_of_new], faces)
 
 
 def roughness_deg(mesh: Mesh) -> float:
-    """Median angle between a triangle and the mean surface at its first corner."""
+    """Median angle, degrees, between the normal of a triangle and the vertex normal at its first corner."""
     cross = mesh.face_cross_mm2()
     along = np.einsum("kd,kd->k", cross, mesh.vertex_normals()[mesh.faces[:, 0]])
     size = np.linalg.norm(cross, axis=1)
@@ -111,7 +116,7 @@ def _current(meshes: pymeshlab.MeshSet) -> Mesh:
 
 
 def _tracked(mesh: Mesh, name: str, **arguments: str) -> tuple[IntArray, IndexArray]:
-    """Apply a filter that only drops or turns; the vertex scalar carries each vertex's old number."""
+    """Apply a filter that only removes or flips faces; the vertex scalar carries the original index."""
     meshes = _meshset(mesh, np.arange(len(mesh.vertices), dtype=np.float64))
     getattr(meshes, name)(**arguments)
     current = meshes.current_mesh()

@@ -1,4 +1,4 @@
-"""Equal rows of an array as one, in order of first occurrence: much faster than `np.unique(axis=0)`."""
+"""Groups of equal rows, in order of first occurrence; much faster than `np.unique(axis=0)`."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from pipeline.core.mesh import IndexArray
 
 
 def group_rows(rows: npt.NDArray[Any]) -> tuple[IndexArray, IndexArray]:
-    """First occurrence of each different row, ascending, and the number of its group for every row.
+    """Index (g,) of the first occurrence of each distinct row, ascending, and the group (n,) of every row.
 
-    `first, group = group_rows(rows)` gives `rows[first][group] == rows`.
+    rows : (n, c). `first, group = group_rows(rows)` gives `rows[first][group] == rows`.
     """
     if len(rows) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)

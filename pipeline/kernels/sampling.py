@@ -1,4 +1,4 @@
-"""Points spread over a surface, the same ones every time."""
+"""Deterministic samples of a surface and of a point set."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """points, normals : (k, 3), each standing for the same share of the area; face : (k,)"""
+    """Samples of equal area. points : (k, 3) mm; normals : (k, 3) unit; face : (k,) index of the triangle"""
 
     points: FloatArray
     normals: FloatArray
@@ -17,8 +17,9 @@ class Samples:
 
 
 def on_surface(mesh: Mesh, count: int, seed: int) -> Samples:
-    """Systematic sampling: equal steps through the cumulated area from a random start, random inside a
-    triangle.
+    """`count` samples by systematic sampling: equal steps of the cumulated area from a random start.
+
+    The position inside a triangle is uniformly distributed. The same seed gives the same samples.
     """
     rng = np.random.default_rng(seed)
     areas = mesh.face_areas_mm2()
@@ -33,8 +34,10 @@ def on_surface(mesh: Mesh, count: int, seed: int) -> Samples:
 
 
 def farthest(points: FloatArray, count: int) -> IndexArray:
-    """Farthest-point sampling: each next point is the farthest from those taken; starts farthest from the
-    mean.
+    """(k,) indices by Euclidean farthest-point sampling of `points` (n, 3); k = min(count, n).
+
+    The first sample is the point farthest from the mean; each further one is farthest from all samples so
+    far.
     """
     count = min(count, len(points))
     distance = np.linalg.norm(points - points.mean(axis=0), axis=1)

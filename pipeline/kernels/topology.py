@@ -1,4 +1,4 @@
-"""Which triangles touch which: edges, borders, connected pieces."""
+"""Connectivity of a triangle mesh: edges, borders, connected pieces, orientation."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from pipeline.core.mesh import BoolArray, IndexArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """Undirected edges, sorted.
+    """Undirected edges, sorted by their vertices.
 
-    ends : (k, 2) int64, ends[:, 0] < ends[:, 1]; of_face : (m, 3) int64, edge opposite each corner;
-    count : (k,) int64, triangles at the edge (1 = border, > 2 = not manifold)
+    ends : (k, 2) int64, ends[:, 0] < ends[:, 1]; of_face : (m, 3) int64, index of the edge opposite each
+    corner; count : (k,) int64, triangles at the edge (1 = border, > 2 = non-manifold)
     """
 
     ends: IndexArray
@@ -22,23 +22,24 @@ class Edges:
 
 
 def edges(faces: IntArray) -> Edges:
+    """The edges of `faces` (m, 3)."""
     opposite = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     low, high = opposite.min(axis=1).astype(np.int64), opposite.max(axis=1).astype(np.int64)
-    base = int(high.max(initial=0)) + 1  # one integer an edge sorts much faster than a row of two
+    base = int(high.max(initial=0)) + 1  # one integer per edge sorts faster than a row of two
     keys, inverse, count = np.unique(low * base + high, return_inverse=True, return_counts=True)
     return Edges(np.stack([keys // base, keys % base], axis=1), inverse.reshape(-1, 3), count)
 
 
 def border_vertices(faces: IntArray, n: int) -> BoolArray:
-    """(n,) whether the vertex lies on an edge with one triangle only."""
-    found = edges(faces)
+    """(n,) whether the vertex lies on an edge with one triangle. faces : (m, 3); n : number of vertices"""
+    mesh_edges = edges(faces)
     on_border = np.zeros(n, dtype=np.bool_)
-    on_border[found.ends[found.count == 1].ravel()] = True
+    on_border[mesh_edges.ends[mesh_edges.count == 1].ravel()] = True
     return on_border
 
 
 def vertex_components(faces: IntArray, n: int) -> IntArray:
-    """(n,) int32 number of the connected piece, numbered by first vertex; a lone vertex is a piece."""
+    """(n,) int32: connected piece of each vertex, numbered by first vertex; an isolated vertex is a piece."""
     rows = faces[:, [0, 1]].T.ravel()
     columns = faces[:, [1, 2]].T.ravel()
     graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(n, n))
@@ -46,7 +47,7 @@ def vertex_components(faces: IntArray, n: int) -> IntArray:
 
 
 def is_coherent(faces: IntArray) -> bool:
-    """Whether no directed edge occurs twice: neighbours agree on which side is out."""
+    """Whether no directed edge occurs twice, so neighbouring `faces` (m, 3) have the same orientation."""
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     keys = np.sort(directed[:, 0] * (int(directed.max(initial=0)) + 1) + directed[:, 1])
     return not bool((keys[1:] == keys[:-1]).any())

@@ -1,8 +1,8 @@
-"""Deviation in colours: blue where material is missing, red where there is too much, grey where it fits.
+"""Colours of the deviation: blue for missing material, red for excess material, grey for no deviation.
 
-The diverging map of Moreland, "Diverging Color Maps for Scientific Visualization" (2009): in Msh space, so
-that equal steps look equal, symmetric about zero, without the rainbow's false edges; told apart by people who
-see colours differently.
+The diverging colour map of Moreland, "Diverging Color Maps for Scientific Visualization" (2009). It is
+interpolated in Msh space: perceptually uniform, symmetric about zero, without the false edges of a rainbow
+map, and readable with colour vision deficiency.
 """
 
 from dataclasses import dataclass
@@ -12,11 +12,17 @@ import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray
 
+#: End colours, sRGB 0 to 255; from literature (Moreland 2009).
 BLUE, RED = (59, 76, 192), (180, 4, 38)
-WHITE_M = 88.0  # of the middle
+#: M of the middle colour in Msh space; from literature (Moreland 2009).
+WHITE_M = 88.0
+#: Entries of the table; odd, so that one is the middle.
 STEPS = 257
-NOT_COUNTED = np.array([0.45, 0.45, 0.45])  # darker than the middle of the map: says nothing about the print
+#: Colour of vertices that are not counted, RGB in [0, 1]; darker than the middle of the map.
+NOT_COUNTED = np.array([0.45, 0.45, 0.45])
+#: Quantile of the absolute deviations that the colour scale covers. Chosen by hand, not fitted.
 LIMIT_QUANTILE = 0.99
+#: White point D65 (XYZ) and the matrix from linear sRGB to XYZ; from the standard IEC 61966-2-1.
 _D65 = np.array([0.95047, 1.0, 1.08883])
 _XYZ_OF_RGB = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
@@ -25,8 +31,10 @@ _XYZ_OF_RGB = np.array(
 
 @dataclass(frozen=True, slots=True)
 class ColourScale:
-    """limit_mm : deviations beyond it have the end colours; tolerance_mm : within it all is the middle, None:
-    nothing is
+    """Mapping from deviations to colours.
+
+    limit_mm : larger absolute deviations have the end colours; tolerance_mm : absolute deviations within it
+    have the middle colour; None for no such band
     """
 
     limit_mm: float
@@ -34,26 +42,27 @@ class ColourScale:
 
     @classmethod
     def of(cls, signed_mm: FloatArray, counted: BoolArray, tolerance_mm: float | None) -> "ColourScale":
-        """99 % of what is counted lies within the limit, a round number; with a tolerance at least twice
-        that.
+        """Scale whose limit is a round number and covers `LIMIT_QUANTILE` of the counted deviations.
+
+        With a tolerance, the limit is at least twice the tolerance. signed_mm, counted : (n,)
         """
         sizes = np.abs(signed_mm[counted])
         needed = float(np.quantile(sizes, LIMIT_QUANTILE)) if sizes.size else 0.0
         return cls(round_up(max(needed, 2 * (tolerance_mm or 0.0))), tolerance_mm)
 
     def colours(self, signed_mm: FloatArray, counted: BoolArray | None = None) -> FloatArray:
-        """(n, 3) red, green, blue in [0, 1]."""
+        """(n, 3) RGB in [0, 1] of `signed_mm` (n,); vertices that are not `counted` are `NOT_COUNTED`."""
         band = self.tolerance_mm or 0.0
         beyond = np.sign(signed_mm) * np.maximum(np.abs(signed_mm) - band, 0.0)
         share = np.clip(beyond / max(self.limit_mm - band, 1e-12), -1.0, 1.0)
-        found = table()[np.rint((share + 1) / 2 * (STEPS - 1)).astype(np.int64)]
+        colours = table()[np.rint((share + 1) / 2 * (STEPS - 1)).astype(np.int64)]
         if counted is not None:
-            found[~counted] = NOT_COUNTED
-        return found
+            colours[~counted] = NOT_COUNTED
+        return colours
 
 
 def round_up(value: float) -> float:
-    """To the next of 1, 1.5, 2, 3, 5, 7.5 times a power of ten; 1e-6 for less."""
+    """`value` rounded up to 1, 1.5, 2, 3, 5 or 7.5 times a power of ten; at least 1e-6."""
     if value <= 1e-6:
         return 1e-6
     power = 10.0 ** np.floor(np.log10(value))
@@ -63,12 +72,12 @@ def round_up(value: float) -> float:
 
 @cache
 def table() -> FloatArray:
-    """(257, 3) the map from -1 to 1."""
+    """(257, 3) RGB in [0, 1] for -1 to 1."""
     low, high = (_msh_of_rgb(np.array(end) / 255) for end in (BLUE, RED))
     middle = max(low[0], high[0], WHITE_M)
     halves = []
     for end, sign in ((low, 1), (high, -1)):
-        white = np.array([middle, 0.0, _spun(end, middle)])
+        white = np.array([middle, 0.0, _adjusted_hue(end, middle)])
         t = np.linspace(0.0, 1.0, STEPS // 2 + 1)[:, None]
         half = (1 - t) * end + t * white
         halves.append(half[::sign])
@@ -76,8 +85,8 @@ def table() -> FloatArray:
     return np.array([_rgb_of_msh(each) for each in msh])
 
 
-def _spun(end: FloatArray, white_m: float) -> float:
-    """The hue at which the middle is reached (Moreland, figure 9)."""
+def _adjusted_hue(end: FloatArray, white_m: float) -> float:
+    """Hue of the middle colour on the side of the colour `end` (Moreland 2009, AdjustHue in figure 9)."""
     m, s, h = end
     if m >= white_m:
         return float(h)
@@ -86,6 +95,7 @@ def _spun(end: FloatArray, white_m: float) -> float:
 
 
 def _msh_of_rgb(rgb: FloatArray) -> FloatArray:
+    """(3,) Msh of an sRGB colour (3,) in [0, 1], by way of CIELAB (Moreland 2009)."""
     linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
     x, y, z = (_XYZ_OF_RGB @ linear) / _D65
     fx, fy, fz = (v ** (1 / 3) if v > 0.008856 else 7.787 * v + 16 / 116 for v in (x, y, z))
@@ -95,6 +105,7 @@ def _msh_of_rgb(rgb: FloatArray) -> FloatArray:
 
 
 def _rgb_of_msh(msh: FloatArray) -> FloatArray:
+    """(3,) sRGB in [0, 1]; the inverse of `_msh_of_rgb`, clipped to the gamut."""
     m, s, h = msh
     lightness, a, b = m * np.cos(s), m * np.sin(s) * np.cos(h), m * np.sin(s) * np.sin(h)
     fy = (lightness + 16) / 116

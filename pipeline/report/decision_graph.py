@@ -1,7 +1,8 @@
-"""The picture of density peaks: delta over rho (Rodriguez & Laio 2014, figure 1B), one point a working
-vertex.
+"""Decision graph of the density peaks: delta over rho (Rodriguez & Laio 2014, figure 1B), one point per
+working vertex.
 
-matplotlib is imported when a picture is drawn, its object interface only: no global figure, no display.
+matplotlib is imported only when the graph is drawn, and only its object interface is used: no global figure,
+no display.
 """
 
 from pathlib import Path
@@ -20,11 +21,17 @@ if TYPE_CHECKING:
 
 SIZE_INCH = (8.0, 5.6)
 MARGINS = {"left": 0.11, "right": 0.985, "top": 0.94, "bottom": 0.2}
-RASTER_DPI = 200  # the cloud of vertices is an image inside the SVG: ten thousand circles are no drawing
-LOG_ABOVE = 30.0  # largest rho over the median: from there on a linear axis hides most vertices
-DISC_PT = 4.0  # radius of a centre
+# All values of the drawing are chosen by hand, not fitted; none affects a measurement.
+#: Resolution of the points of the vertices, which are an image inside the SVG: ten thousand circles are slow.
+RASTER_DPI = 200
+#: Ratio of the largest to the median rho above which the rho axis is logarithmic.
+LOG_ABOVE = 30.0
+#: Radius of the disc of a centre, points (1/72 inch).
+DISC_PT = 4.0
+#: Font size of the numbers, points.
 LABEL_PT = 7.5
-LABEL_STEP_PT = 10.0  # from a disc to its number, and to the next place tried
+#: Distance from a disc to its number, and between successive candidate positions, points.
+LABEL_STEP_PT = 10.0
 _RHO_LABEL = {
     "vertex": r"local density $\rho$: vertices within $d_c$",
     "area": r"local density $\rho$: surface area within $d_c$ [mm$^2$]",
@@ -41,11 +48,11 @@ _METHOD_LABEL = {
 
 
 def write(path: Path, name: str, segmentation: Segmentation, settings: SegmentationSettings) -> None:
-    """SVG of the decision graph of the mesh called `name`; the same input gives the same bytes."""
+    """Write the decision graph of the mesh `name` as SVG; the same input gives the same bytes."""
     import matplotlib
 
     with matplotlib.rc_context():
-        matplotlib.rcdefaults()  # not what a matplotlibrc of this machine says
+        matplotlib.rcdefaults()  # ignores a matplotlibrc of the machine
         matplotlib.rcParams["svg.hashsalt"] = "cusp"
         draw(name, segmentation, settings).savefig(
             path, format="svg", dpi=RASTER_DPI, metadata={"Date": None}
@@ -53,12 +60,11 @@ def write(path: Path, name: str, segmentation: Segmentation, settings: Segmentat
 
 
 def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) -> "Figure":
-    """The figure; centre s has the gid `centre-<s>`."""
+    """The figure; the disc of segment s has the gid `centre-<s>`."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=SIZE_INCH)
-    # Fixed margins: a layout engine draws everything once more to measure it, which takes longer than the
-    # drawing.
+    # Fixed margins: a layout engine would draw everything a second time to measure it.
     axes = figure.subplots(gridspec_kw=MARGINS)
     delta = _above_zero(segmentation.delta)
     _draw_vertices(axes, segmentation, delta)
@@ -103,7 +109,7 @@ def _draw_cut_off(axes: "Axes", d_c_mm: float) -> None:
 
 
 def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *, is_peak: bool) -> None:
-    """Discs in the colours of the segments, the first on top."""
+    """Draw discs in the colours of the segments, the first segment on top."""
     words = f"{'density peak: ' if is_peak else ''}centre of a segment, with its number and colour"
     for segment in reversed(range(len(segmentation.centres))):
         centre = segmentation.centres[segment]
@@ -120,8 +126,8 @@ def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *
 
 
 def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, delta: FloatArray) -> None:
-    """The number of each segment beside its disc, where it hides no disc and no other number."""
-    axes.autoscale_view()  # limits decide where points are on paper
+    """Write the number of each segment beside its disc, without covering discs and other numbers."""
+    axes.autoscale_view()  # fixes the axis limits, on which the positions depend
     rho_delta = np.stack([segmentation.rho, delta], axis=1)[segmentation.centres]
     at_pt = axes.transData.transform(rho_delta) * 72.0 / figure.dpi
     for segment, offset_pt in enumerate(label_offsets(at_pt)):
@@ -141,25 +147,27 @@ def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, 
 
 
 def label_offsets(at_pt: FloatArray) -> FloatArray:
-    """(k, 2) where to put the middle of each number from its disc at `at_pt` (k, 2), greedily: the nearest of
-    the places around it that hides no disc and no number placed before, or the one that hides least.
+    """(k, 2) offset of the centre of each number from its disc at `at_pt` (k, 2), both in points.
+
+    Greedy: the nearest candidate position that covers no disc and no earlier number, or the one that covers
+    the fewest.
     """
     angles = np.arange(12) * np.pi / 6
     rings = [
         LABEL_STEP_PT * (1 + ring) * np.stack([np.cos(angles), np.sin(angles)], axis=1) for ring in range(5)
     ]
-    places = np.concatenate(rings)
-    room = np.array([0.5 * LABEL_PT + 1.0, 0.5 * LABEL_PT])  # half a number of two digits
+    candidates = np.concatenate(rings)
+    half_size = np.array([0.5 * LABEL_PT + 1.0, 0.5 * LABEL_PT])  # of a number with two digits
     placed = np.zeros((0, 2))
     for disc in at_pt:
-        middles = disc + places
-        on_discs = (np.abs(middles[:, None] - at_pt) < room + DISC_PT).all(axis=2).sum(axis=1)
-        on_numbers = (np.abs(middles[:, None] - placed) < 2 * room).all(axis=2).sum(axis=1)
+        middles = disc + candidates
+        on_discs = (np.abs(middles[:, None] - at_pt) < half_size + DISC_PT).all(axis=2).sum(axis=1)
+        on_numbers = (np.abs(middles[:, None] - placed) < 2 * half_size).all(axis=2).sum(axis=1)
         placed = np.concatenate([placed, middles[[(on_discs + on_numbers).argmin()]]])
     return np.asarray(placed - at_pt, dtype=np.float64)
 
 
 def _above_zero(delta: FloatArray) -> FloatArray:
-    """For the log axis; a piece of one vertex has delta 0."""
+    """(n,) delta with zeros replaced, for the logarithmic axis; an isolated vertex has delta 0."""
     positive = delta[delta > 0]
     return np.maximum(delta, positive.min() if positive.size else 1.0)

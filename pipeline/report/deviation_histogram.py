@@ -22,7 +22,10 @@ MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
 def write(
     path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale
 ) -> None:
-    """Write the SVG. signed_mm : (n,) mm; weights : (n,) area of each counted vertex, 0 for the others."""
+    """Write the SVG. signed_mm : (n,) mm; weights : (n,) area of each counted vertex, 0 for the others.
+
+    The same input gives the same bytes.
+    """
     import matplotlib
     from matplotlib.figure import Figure
 

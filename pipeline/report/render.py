@@ -1,5 +1,6 @@
-"""Pictures of a coloured mesh or cloud, on the CPU and without a display: rays of open3d (Embree), shaded
-by numpy.
+"""Pictures of a coloured mesh or point cloud, rendered on the CPU without a display.
+
+open3d (Embree) casts the rays, numpy shades the hits.
 """
 
 import io
@@ -10,18 +11,25 @@ import open3d as o3d
 
 from pipeline.core.mesh import FloatArray, Mesh
 
+# All values of the rendering are chosen by hand, not fitted; none affects a measurement.
+#: Grey value of the background, in [0, 1].
 BACKGROUND = 1.0
+#: Share of the ambient light, in [0, 1].
 AMBIENT = 0.35
+#: Size of the picture over the size of its content.
 MARGIN = 1.06
-OVERSAMPLE = 2  # rays a pixel, along each side
+#: Rays per pixel along each axis.
+OVERSAMPLE = 2
+#: Side of the square of a point of a point cloud, pixels.
 POINT_PX = 3
-DOT_PX = 3.5  # radius of a mark
+#: Radius of a landmark, pixels, and its colour, RGB in [0, 1].
+DOT_PX = 3.5
 DOT_COLOUR = np.array([0.08, 0.08, 0.08])
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """An orthographic look. rows of `axes` : right, up, and towards the eye, orthonormal"""
+    """An orthographic view. axes : (3, 3) orthonormal rows, which point right, up, and towards the viewer"""
 
     name: str
     axes: FloatArray
@@ -35,9 +43,7 @@ class View:
 
 
 def four_views(mesh: Mesh) -> list[View]:
-    """From both flat sides of the part, and obliquely from two others: by its principal axes, not the
-    file's.
-    """
+    """Views of both flat sides of the part and two oblique views, along its principal axes."""
     weights = mesh.weights()
     centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
     _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))
@@ -62,11 +68,12 @@ def picture(
     *,
     landmarks_mm: FloatArray | None = None,
 ) -> bytes:
-    """PNG. colours : (n, 3) of the vertices; frame : (k, 3) points that all have to be in the picture;
-    landmarks_mm : (m, 3) points on the surface, dots where they are not hidden
+    """PNG of the mesh. colours : (n, 3) RGB in [0, 1] of the vertices; frame : (k, 3) mm, points that must
+    all be in the picture; width, height : pixels; landmarks_mm : (m, 3) points on the surface, drawn as dots
+    where they are visible
     """
-    seen = frame @ view.axes.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    in_view = frame @ view.axes.T
+    low, high = in_view.min(axis=0), in_view.max(axis=0)
     centre = (low + high) / 2
     mm_per_px = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height, 1e-9)
     if mesh.is_cloud:
@@ -77,8 +84,8 @@ def picture(
 
 
 def png(image: FloatArray) -> bytes:
-    """image : (h, w, 3) in [0, 1]"""
-    from PIL import Image  # with matplotlib, when a picture is drawn
+    """PNG of `image` (h, w, 3), RGB in [0, 1]."""
+    from PIL import Image  # a dependency of matplotlib; imported only when a picture is drawn
 
     stream = io.BytesIO()
     Image.fromarray(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)).save(stream, "PNG", optimize=False)
@@ -107,26 +114,25 @@ def _traced(
     scene.add_triangles(
         o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
     )
-    hit = scene.cast_rays(o3d.core.Tensor(rays))  # each answer is its own: threads change none
+    hit = scene.cast_rays(o3d.core.Tensor(rays))  # independent rays: the same with any number of threads
     distance = hit["t_hit"].numpy().ravel()
-    found = np.flatnonzero(np.isfinite(distance))
-    face, uv = hit["primitive_ids"].numpy().ravel()[found], hit["primitive_uvs"].numpy().reshape(-1, 2)[found]
-    normal = hit["primitive_normals"].numpy().reshape(-1, 3)[found]  # of unit length
+    hits = np.flatnonzero(np.isfinite(distance))
+    face, uv = hit["primitive_ids"].numpy().ravel()[hits], hit["primitive_uvs"].numpy().reshape(-1, 2)[hits]
+    normal = hit["primitive_normals"].numpy().reshape(-1, 3)[hits]  # unit vectors
     corners, painted = mesh.faces[face], colours.astype(np.float32)
     u, v = uv[:, 0], uv[:, 1]
     light = AMBIENT + (1 - AMBIENT) * np.abs(
         normal[:, 0] * axes[2, 0] + normal[:, 1] * axes[2, 1] + normal[:, 2] * axes[2, 2]
     )
-    colour = np.empty(
-        (3, len(found)), dtype=np.float32
-    )  # a channel at a time: numpy is slow along rows of three
+    # One channel at a time: numpy is slow along rows of three.
+    colour = np.empty((3, len(hits)), dtype=np.float32)
     for channel, of_vertices in zip(colour, painted.T.copy(), strict=True):
         channel[:] = of_vertices[corners[:, 0]] * (1 - u - v)
         channel += of_vertices[corners[:, 1]] * u
         channel += of_vertices[corners[:, 2]] * v
         channel *= light
     image = np.full((3, h * w), BACKGROUND, dtype=np.float32)
-    image[:, found] = colour
+    image[:, hits] = colour
     if landmarks_mm is not None and len(landmarks_mm):
         left, top = float(x[0]), float(y[0])
         reach, radius_mm = int(np.ceil(DOT_PX * OVERSAMPLE)) + 1, DOT_PX * mm_per_px
@@ -135,9 +141,9 @@ def _traced(
             column, row = round((landmark[0] - left) / step), round((top - landmark[1]) / step)
             rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
             columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
-            # The surface point under a ray is a dot where the mark is near it: hidden marks stay hidden.
-            apart = np.hypot(*np.meshgrid(x[columns] - landmark[0], y[rows] - landmark[1]))
-            near_landmark = np.hypot(apart, near - depth[rows, columns] - landmark[2]) <= radius_mm
+            # A surface point near the landmark belongs to its dot, so hidden landmarks remain hidden.
+            lateral = np.hypot(*np.meshgrid(x[columns] - landmark[0], y[rows] - landmark[1]))
+            near_landmark = np.hypot(lateral, near - depth[rows, columns] - landmark[2]) <= radius_mm
             image.reshape(3, h, w)[:, rows, columns][:, near_landmark] = DOT_COLOUR[:, None]
     quads = image.reshape(3, height, OVERSAMPLE, width, OVERSAMPLE)
     total = np.zeros((3, height, width), dtype=np.float32)
@@ -147,12 +153,12 @@ def _traced(
 
 
 def _splatted(
-    seen: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
+    in_view: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
 ) -> FloatArray:
     image = np.full((height, width, 3), BACKGROUND)
-    order = np.argsort(seen[:, 2], kind="stable")  # the nearest are painted last
-    column = np.rint((seen[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
-    row = np.rint((centre[1] - seen[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+    order = np.argsort(in_view[:, 2], kind="stable")  # the points nearest to the viewer are drawn last
+    column = np.rint((in_view[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
+    row = np.rint((centre[1] - in_view[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
     half = POINT_PX // 2
     for down in range(-half, half + 1):
         for across in range(-half, half + 1):

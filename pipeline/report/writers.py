@@ -46,16 +46,14 @@ def write_vertices(
     t2: FloatArray | None = None,
     landmark_vertices: IndexArray | None = None,
 ) -> None:
-    """One row a vertex of `mesh`, the cleaned one, in its own frame; values from the nearest surface point of
-    the working mesh. Where no landmarks were looked for (`t2` and `landmark_vertices` None), t2 and landmark
-    are 0.
+    """One row per vertex of the cleaned `mesh`, in its own frame; values from the nearest point of the
+    working mesh. Without a landmark search (`t2` and `landmark_vertices` None), t2 and landmark are 0.
     """
     t2 = np.zeros(len(segmentation.labels)) if t2 is None else t2
     marked = np.zeros(len(working_of_clean), dtype=np.int64)
     if landmark_vertices is not None:
         marked[landmark_vertices] = 1
-    # Numbers as `csv` writes them, but each vertex of the working mesh once: a scan has a hundred for each of
-    # those.
+    # Numbers formatted as by `csv`, but once per working vertex, which about a hundred vertices share.
     columns = (segmentation.labels, segmentation.halo.astype(int), segmentation.rho, segmentation.delta, t2)
     found = [
         f"{segment},{halo},{rho!r},{delta!r},{t!r}"

@@ -1,6 +1,4 @@
-"""How far the print is from its design: signed distances of the scan's vertices, in numbers; and of the
-design's.
-"""
+"""Deviation of the print from its design: statistics of the signed distances of scan and design vertices."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,8 +16,10 @@ from pipeline.stages.registration import Fit
 
 @dataclass(frozen=True, slots=True)
 class Deviations:
-    """signed_mm : (n,) of every vertex of the cleaned scan, + outside; counted : (n,) those in the
-    statistics; summary : None when no vertex is counted
+    """Deviation of every vertex of the cleaned scan.
+
+    signed_mm : (n,) signed distance to the design, + outside; counted : (n,) vertices in the statistics;
+    summary : None if no vertex is counted
     """
 
     signed_mm: FloatArray
@@ -35,9 +35,13 @@ def deviation(
     tolerance_mm: float | None,
     settings: DeviationSettings,
 ) -> Deviations:
-    """Statistics are area-weighted, SD with ddof 0, so rms^2 = mean^2 + sd^2; quantiles are of the weighted
-    distribution. A vertex whose closest design point lies on an open border of the design says nothing about
-    the print there and is left out. `by_segment` groups by the design segment of the closest point.
+    """Signed distance of every scan vertex to the registered design, and area-weighted statistics.
+
+    design_segment_of_face : (m,) segment of each design face; `by_segment` groups by the segment of the
+    closest point. tolerance_mm : limit for the shares within, above and below. The SD has ddof 0, so
+    rms^2 = mean^2 + sd^2; quantiles are those of the weighted distribution. If
+    `settings.exclude_open_border`, vertices whose closest design point lies on an open border of the design
+    are not counted: the deviation is undefined there.
     """
     sign = side_of(design.mesh)
     signed = fit.closest.distance if sign == "none" else design.signed_distance(fit.moved, fit.closest)
@@ -67,26 +71,25 @@ def deviation_of_design(
     inlier_distance_mm: float,
     tolerance_mm: float | None,
 ) -> DesignDeviation | None:
-    """Distance of every design vertex to the scan, + where the scan stands out of the design; None: nothing
-    is seen.
+    """Signed distance of every design vertex to the scan, + where the scan is outside the design.
 
-    surface : of the scan in its own frame; None of points. Of these a distance beyond `inlier_distance_mm` is
-    not told from what was not scanned, and the sign is the side of the design on which the closest point
-    lies.
+    surface : surface of the scan in its own frame, None for a point cloud. For a point cloud, a distance
+    beyond `inlier_distance_mm` counts as not scanned, and the sign is the side of the design on which the
+    closest point lies. Returns None if no design vertex is counted.
     """
     sign, vertices = side_of(design.mesh), design.mesh.vertices
     in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), vertices)
     if surface is None:
-        distance, found = nearest(scan.vertices, in_scan)
-        outward = np.einsum("kd,kd->k", fit.moved[found] - vertices, design.vertex_normals)
+        distance, index = nearest(scan.vertices, in_scan)
+        outward = np.einsum("kd,kd->k", fit.moved[index] - vertices, design.vertex_normals)
         signed = np.where(outward < 0, -distance, distance)
         counted = np.asarray(distance <= inlier_distance_mm)
     else:
         closest = surface.closest(in_scan)
-        inside = -surface.signed_distance(in_scan, closest)  # there the print has too much
-        # Which side of an open scan is its inside, is told by the design.
-        out = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
-        agrees = float(np.einsum("md,md->", out, fit.closest.normal[scan.faces[:, 0]])) >= 0
+        inside = -surface.signed_distance(in_scan, closest)  # > 0: excess material
+        # The design decides which side of an open scan is its inside.
+        scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
+        agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
         signed = inside if agrees else -inside
         counted = ~surface.on_open_border(closest)
     weights = design.mesh.weights() * counted
@@ -97,7 +100,9 @@ def deviation_of_design(
 
 
 def side_of(design: Mesh) -> DesignSide:
-    """Which side of the design + is: outside, the side that its faces look to, or none (a Moebius strip)."""
+    """Meaning of a positive sign: outside ("closed"), the front of the faces ("open"), or "none" (a Moebius
+    strip).
+    """
     if not topology.is_coherent(design.faces):
         return "none"
     return "closed" if bool((topology.edges(design.faces).count == 2).all()) else "open"
@@ -106,7 +111,7 @@ def side_of(design: Mesh) -> DesignSide:
 def _distances(
     signed: FloatArray, weights: FloatArray, counted: BoolArray, tolerance_mm: float | None
 ) -> dict[str, Any]:
-    """Fields of `outcome.Distances`; weights : (n,) of any sum, 0 where not counted."""
+    """Fields of `results.Distances`; signed : (n,) mm; weights : (n,), 0 where not counted."""
     weights = weights / weights.sum()
     p01, p05, p50, p95, p99 = weighted_quantiles(signed, weights, np.array([0.01, 0.05, 0.5, 0.95, 0.99]))
     within = above = below = None
@@ -130,7 +135,7 @@ def _distances(
 
 
 def _spread(signed: FloatArray, weights: FloatArray, members: BoolArray) -> dict[str, Any]:
-    """Fields of `outcome.Spread`."""
+    """Fields of `results.Spread` over the `members` (n,)."""
     d, w = signed[members], weights[members] / weights[members].sum()
     mean = float((w * d).sum())
     return {
@@ -144,10 +149,11 @@ def _spread(signed: FloatArray, weights: FloatArray, members: BoolArray) -> dict
 
 
 def weighted_quantiles(values: FloatArray, weights: FloatArray, q: FloatArray) -> FloatArray:
-    """Smallest value at which the cumulated weight reaches q (no interpolation)."""
+    """(k,) weighted quantiles of `values` (n,) at `q` (k,): the smallest value at which the cumulated weight
+    reaches q, without interpolation.
+    """
     order = np.argsort(values, kind="stable")
     order = order[weights[order] > 0]
-    reached = np.cumsum(weights[order])
-    return np.asarray(
-        values[order[np.minimum(np.searchsorted(reached, q * reached[-1]), len(order) - 1)]], dtype=np.float64
-    )
+    cumulated = np.cumsum(weights[order])
+    index = np.minimum(np.searchsorted(cumulated, q * cumulated[-1]), len(order) - 1)
+    return np.asarray(values[order[index]], dtype=np.float64)

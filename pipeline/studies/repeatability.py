@@ -165,12 +165,11 @@ def summarize(protocol: RepeatabilityProtocol, results: Sequence[RepeatabilityRo
     harder = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in others)
     return (
         f"Repeatability of {protocol.count} points of each detector within {percent(protocol.eps)} of "
-        "the diagonal "
-        f"({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: {listed}; "
-        "the same number of "
-        f"random points reaches {chance:.2f} by chance. Highest: {best.detector}"
+        f"the diagonal ({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: "
+        f"{listed}; the same number of random points reaches {chance:.2f} by chance. Highest: {best.detector}"
         + (f" ({harder})" if harder else "")
-        + f"; lowest: {worst.detector}. The landmarks gave a pose within {percent(RIGHT_SHARE, 0)} of the diagonal for "
+        + f"; lowest: {worst.detector}. The landmarks gave a pose within {percent(RIGHT_SHARE, 0)} of the "
+        + "diagonal for "
         + ", ".join(f"{row.detector} in {percent(row.pose_right, 0)}" for row in first)
         + f" of {protocol.trials} trials."
     )

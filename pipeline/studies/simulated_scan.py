@@ -19,7 +19,8 @@ SCAN_VERTICES = 8000
 VERTEX_SPREAD = 0.25
 #: Iterations of isotropic remeshing; chosen by hand; not fitted.
 REMESH_ITERATIONS = 4
-#: Share of the scan's vertices removed by a plane in the cropped condition; chosen by hand; not fitted.
+#: Share of the scan's vertices on the removed side of the plane in the cropped condition (a share of the
+#: vertices, not of the area); chosen by hand; not fitted.
 CROP = 0.3
 #: Standard deviation of the noise over the diagonal; chosen by hand; not fitted.
 LOW_NOISE_SHARE = 0.001
@@ -29,7 +30,8 @@ HIGH_NOISE_SHARE = 0.003
 @dataclass(frozen=True, slots=True)
 class Condition:
     """noise_share : standard deviation along the normal over the diagonal of the shape;
-    crop : share of the vertices that a plane cuts off
+    crop : share of the vertices on the removed side of a plane. Triangles that cross the plane are removed
+    too.
     """
 
     name: str

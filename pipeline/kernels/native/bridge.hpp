@@ -1,4 +1,4 @@
-// What crosses between Python and C++: arrays in, arrays out, a callback that hears how far the work has come.
+// Conversions between Python and C++: array arguments, array results, progress callbacks.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -24,18 +24,19 @@ using Out1 = nb::ndarray<nb::numpy, T, nb::ndim<1>>;
 template <class T>
 using Out2 = nb::ndarray<nb::numpy, T, nb::ndim<2>>;
 
+// Move a vector to a NumPy array (n,) without a copy.
 template <class T>
 Out1<T> to_numpy(std::vector<T>&& values) {
-    auto* kept = new std::vector<T>(std::move(values));
-    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return Out1<T>(kept->data(), {kept->size()}, owner);
+    auto* owned = new std::vector<T>(std::move(values));
+    const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return Out1<T>(owned->data(), {owned->size()}, owner);
 }
 
-// Hears the share done; answers False to stop.
+// Progress callback of Python: called with the share done in [0, 1]; returning False cancels the work.
 using Progress = std::optional<nb::typed<nb::callable, nb::object(double)>>;
 
-// What a Python callback is to the C++ loop: called with the GIL, from the thread that released it.
-inline Watch watched(const Progress& progress) {
+// Wrap a Python callback for the C++ loop. It acquires the GIL and is called on the thread that released it.
+inline OnProgress progress_callback(const Progress& progress) {
     if (!progress) return {};
     return [callable = nb::callable(*progress)](double share) {
         const nb::gil_scoped_acquire gil;

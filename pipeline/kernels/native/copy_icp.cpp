@@ -1,4 +1,4 @@
-// Python's way to ICP of points to their own moved copy: many starts at once, the GIL released while threads work.
+// Python binding of copy_icp.hpp: many start poses per call, on several threads, with the GIL released.
 #include <nanobind/stl/tuple.h>
 
 #include "bridge.hpp"
@@ -11,14 +11,14 @@ namespace {
 
 using cusp::In2;
 using cusp::Motion;
+using cusp::OnProgress;
 using cusp::Out1;
 using cusp::Out2;
 using cusp::Progress;
+using cusp::progress_callback;
 using cusp::to_numpy;
-using cusp::Watch;
-using cusp::watched;
 
-// (t, 4, 4) homogeneous matrices, row by row
+// (t, 4, 4) homogeneous matrices, row-major
 using Matrices = nb::ndarray<const double, nb::shape<-1, 4, 4>, nb::c_contig, nb::device::cpu>;
 using OutMatrices = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
 
@@ -31,7 +31,7 @@ Motion motion_of(const double* matrix) {
     return motion;
 }
 
-void put(const Motion& motion, double* matrix) {
+void write(const Motion& motion, double* matrix) {
     for (int k = 0; k < 3; ++k) {
         std::copy(motion.R[k].begin(), motion.R[k].end(), matrix + 4 * k);
         matrix[4 * k + 3] = motion.t[k];
@@ -41,52 +41,58 @@ void put(const Motion& motion, double* matrix) {
 }
 
 OutMatrices matrices(std::vector<double>&& values) {
-    auto* kept = new std::vector<double>(std::move(values));
-    const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-    return OutMatrices(kept->data(), {kept->size() / 16, 4, 4}, owner);
+    auto* owned = new std::vector<double>(std::move(values));
+    const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+    return OutMatrices(owned->data(), {owned->size() / 16, 4, 4}, owner);
 }
 
 class CopyIcp {
    public:
-    explicit CopyIcp(const In2<double>& points) : icp_(checked(points), static_cast<int32_t>(points.shape(0))) {}
+    explicit CopyIcp(const In2<double>& points)
+        : icp_(checked(points), static_cast<int32_t>(points.shape(0))) {}
 
-    // T_points_copy by the library's rule and at convergence (t, 4, 4), iterations of both (t,), converged (t,) 0 or 1.
+    // T_points_copy by the rule "library" and at convergence (t, 4, 4), the iterations of both (t,),
+    // converged (t,) 0 or 1.
     std::tuple<OutMatrices, OutMatrices, Out1<int32_t>, Out1<int32_t>, Out1<uint8_t>> align(
-        const Matrices& starts, int32_t library_iterations, double library_tolerance, int32_t iterations, int threads,
-        const Progress& progress) const {
+        const Matrices& starts, int32_t library_iterations, double library_tolerance, int32_t iterations,
+        int threads, const Progress& progress) const {
         const auto count = static_cast<int64_t>(starts.shape(0));
         const cusp::CopyIcp::Rules rules{library_iterations, library_tolerance, iterations};
         std::vector<double> library(16 * count), converged(16 * count);
         std::vector<int32_t> library_steps(count), steps(count);
         std::vector<uint8_t> is_converged(count);
-        const Watch watch = watched(progress);
+        const OnProgress on_progress = progress_callback(progress);
         {
-            const nb::gil_scoped_release free;
+            const nb::gil_scoped_release no_gil;
             std::vector<cusp::CopyIcp::Scratch> scratch(std::max(1, threads));
             cusp::for_each(
-                count, threads, watch,
+                count, threads, on_progress,
                 [&](int worker, int64_t i) {
-                    const auto found = icp_.align(motion_of(starts.data() + 16 * i), rules, scratch[worker]);
-                    put(found.library, library.data() + 16 * i);
-                    put(found.converged, converged.data() + 16 * i);
-                    library_steps[i] = found.library_iterations;
-                    steps[i] = found.iterations;
-                    is_converged[i] = found.is_converged;
+                    const auto trajectory =
+                        icp_.align(motion_of(starts.data() + 16 * i), rules, scratch[worker]);
+                    write(trajectory.library, library.data() + 16 * i);
+                    write(trajectory.converged, converged.data() + 16 * i);
+                    library_steps[i] = trajectory.library_iterations;
+                    steps[i] = trajectory.iterations;
+                    is_converged[i] = trajectory.is_converged;
                 },
                 1);
         }
-        return {matrices(std::move(library)), matrices(std::move(converged)), to_numpy(std::move(library_steps)),
-                to_numpy(std::move(steps)), to_numpy(std::move(is_converged))};
+        return {matrices(std::move(library)), matrices(std::move(converged)),
+                to_numpy(std::move(library_steps)), to_numpy(std::move(steps)),
+                to_numpy(std::move(is_converged))};
     }
 
-    // RMS distance of backs[i](starts[i](points)) to the points, each to its own (t,).
+    // RMS distance of backs[i](starts[i](points)) to the points, with true correspondences (t,).
     Out1<double> rms_error(const Matrices& starts, const Matrices& backs, int threads) const {
-        if (starts.shape(0) != backs.shape(0)) throw std::invalid_argument("starts and backs must have one length");
+        if (starts.shape(0) != backs.shape(0))
+            throw std::invalid_argument("starts and backs must have one length");
         std::vector<double> errors(starts.shape(0));
         {
-            const nb::gil_scoped_release free;
+            const nb::gil_scoped_release no_gil;
             cusp::for_each(static_cast<int64_t>(errors.size()), threads, {}, [&](int, int64_t i) {
-                errors[i] = icp_.rms_error(motion_of(starts.data() + 16 * i), motion_of(backs.data() + 16 * i));
+                errors[i] =
+                    icp_.rms_error(motion_of(starts.data() + 16 * i), motion_of(backs.data() + 16 * i));
             });
         }
         return to_numpy(std::move(errors));
@@ -94,7 +100,8 @@ class CopyIcp {
 
    private:
     static const double* checked(const In2<double>& points) {
-        if (points.shape(0) == 0 || points.shape(1) != 3) throw std::invalid_argument("points must be (n, 3), n >= 1");
+        if (points.shape(0) == 0 || points.shape(1) != 3)
+            throw std::invalid_argument("points must be (n, 3), n >= 1");
         return points.data();
     }
 
@@ -106,7 +113,7 @@ class CopyIcp {
 void bind_copy_icp(nb::module_& m) {
     nb::class_<CopyIcp>(m, "CopyIcp")
         .def(nb::init<const In2<double>&>(), "points"_a)
-        .def("align", &CopyIcp::align, "starts"_a, "library_iterations"_a, "library_tolerance"_a, "iterations"_a,
-             "threads"_a, "progress"_a = nb::none())
+        .def("align", &CopyIcp::align, "starts"_a, "library_iterations"_a, "library_tolerance"_a,
+             "iterations"_a, "threads"_a, "progress"_a = nb::none())
         .def("rms_error", &CopyIcp::rms_error, "starts"_a, "backs"_a, "threads"_a);
 }

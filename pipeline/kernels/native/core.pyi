@@ -1,4 +1,4 @@
-"""The C++ behind kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py."""
+"""C++ core of kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py."""
 
 from collections.abc import Callable
 from typing import Annotated

@@ -1,4 +1,4 @@
-// Many sources on many threads, with progress and cancellation; what a source finds never depends on the thread.
+// Parallel loop with progress and cancellation. The result of an item must not depend on its thread.
 #pragma once
 
 #include <atomic>
@@ -13,17 +13,21 @@
 
 namespace cusp {
 
-// Asked on the calling thread a few times a second with the share done; false stops the work.
-using Watch = std::function<bool(double)>;
+// Called about 20 times per second on the calling thread with the share done in [0, 1]; false cancels the
+// work.
+using OnProgress = std::function<bool(double)>;
+
+// Interval of the progress reports; chosen by hand, affects nothing else.
+inline constexpr std::chrono::milliseconds kProgressInterval{50};
 
 struct Cancelled : std::exception {
     const char* what() const noexcept override { return "cancelled"; }
 };
 
-// Call work(worker, item) for every item in [0, count), each worker on its own thread and with its own number. A worker takes
-// `block` items at a time.
+// Call work(worker, item) for every item in [0, count). Each worker has its own thread and index, and takes
+// `block` items at a time. Throws the first exception of a worker or of `on_progress`, or Cancelled.
 template <class Work>
-void for_each(int64_t count, int threads, const Watch& watch, Work&& work, int64_t block = 16) {
+void for_each(int64_t count, int threads, const OnProgress& on_progress, Work&& work, int64_t block = 16) {
     threads = static_cast<int>(std::max<int64_t>(1, std::min<int64_t>(threads, count)));
     std::atomic<int64_t> next{0}, done{0};
     std::atomic<bool> stop{false};
@@ -53,11 +57,12 @@ void for_each(int64_t count, int threads, const Watch& watch, Work&& work, int64
     bool cancelled = false;
     {
         std::unique_lock lock(mutex);
-        while (!finished.wait_for(lock, std::chrono::milliseconds(50), [&] { return running == 0; })) {
-            if (!watch || stop) continue;
+        while (!finished.wait_for(lock, kProgressInterval, [&] { return running == 0; })) {
+            if (!on_progress || stop) continue;
             lock.unlock();
             try {
-                if (!watch(static_cast<double>(done) / static_cast<double>(count))) stop = cancelled = true;
+                if (!on_progress(static_cast<double>(done) / static_cast<double>(count)))
+                    stop = cancelled = true;
             } catch (...) {
                 const std::lock_guard relock(mutex);
                 if (!failure) failure = std::current_exception();
@@ -66,7 +71,7 @@ void for_each(int64_t count, int threads, const Watch& watch, Work&& work, int64
             lock.lock();
         }
     }
-    pool.clear();  // joins
+    pool.clear();  // joins the threads
     if (failure) std::rethrow_exception(failure);
     if (cancelled) throw Cancelled();
 }
