@@ -43,7 +43,10 @@ serve: $(READY) ## start the service on HOST:PORT
 	$(BIN)/cusp up --host $(HOST) --port $(PORT)
 
 # Compiled tests are kept for the next worker, and solvers take one thread: two workers share two cores.
-PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=20
+# Tests write databases that wait for the disk; in memory, where there is some, they do not wait.
+TEST_TMP := $(shell free=$$(df -Pk /dev/shm 2>/dev/null | awk 'NR == 2 {print $$4}'); \
+    [ "$${free:-0}" -gt 4000000 ] && echo /dev/shm || echo "$${TMPDIR:-/tmp}")
+PYTEST := TMPDIR=$(TEST_TMP) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=20
 
 test: $(READY) servers ## all tests but the nightly ones; those marked `data` need CUSP_DATA
 	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder

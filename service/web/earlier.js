@@ -17,12 +17,16 @@ export async function offer(selects) {
       if (given && !byRole[role].has(given.blob)) byRole[role].set(given.blob, { ...given, job });
     }
   }
-  known = new Map(Object.values(byRole).flatMap((found) => [...found]).map(([blob, { filename }]) => [blob, { blob, filename }]));
+  // The latest use of a mesh may have named it by its id alone: any name that it had is better than none.
+  const names = new Map([...jobs].reverse().flatMap(({ inputs }) => Object.values(inputs)).filter((input) => input?.filename)
+    .map(({ blob, filename }) => [blob, filename]));
+  const blobs = Object.values(byRole).flatMap((uses) => [...uses.keys()]);
+  known = new Map(blobs.map((blob) => [blob, { blob, filename: names.get(blob) ?? null }]));
   for (const [name, select] of Object.entries(selects)) {
     const chosen = select.value;
     choices(select, [['', known.size ? 'none' : 'none was sent yet']]);
     for (const role of FIRST[name]) {
-      const offered = [...byRole[role].values()].map(({ blob, filename, job }) => element('option', `${filename ?? blob.slice(7, 15)} · ${job.label ? `${job.label} · ` : ''}${time(job.created)}`, { value: blob }));
+      const offered = [...byRole[role].values()].map(({ blob, job }) => element('option', `${names.get(blob) ?? blob.slice(7, 15)} · ${job.label ? `${job.label} · ` : ''}${time(job.created)}`, { value: blob }));
       if (offered.length) select.append(element('optgroup', offered, { label: `used as ${role}` }));
     }
     if (known.has(chosen)) select.value = chosen;

@@ -96,4 +96,4 @@ def test_up_refuses_what_would_be_unsafe(running: RunningService, tmp_path: Path
     assert "--allow-open" in open_host.stderr
     same_folder = cusp("up", "--port", 0, "--data-dir", running.data_dir)
     assert same_folder.returncode == 1
-    assert "another cusp works on" in same_folder.stderr
+    assert "another cusp uses" in same_folder.stderr

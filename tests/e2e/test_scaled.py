@@ -122,7 +122,7 @@ def test_a_second_worker_of_a_name_does_not_start(scaled: ScaledService, tmp_pat
     finally:
         with suppress(psutil.NoSuchProcess):
             second.kill()
-    assert "another worker has this name" in scaled.log.read_text()
+    assert "worker has this name already" in scaled.log.read_text()
 
 
 def test_a_part_alone_needs_a_database_of_all(tmp_path: Path) -> None:

@@ -126,4 +126,4 @@ def test_what_is_known_of_a_design_says_its_scales() -> None:
     design = design_of(part, QUICK)
     assert design.scales == Scales.of(part, QUICK)
     assert design.diagonal_mm == part.diagonal_mm
-    assert design.images.elements == ()
+    assert design.symmetry.elements == ()

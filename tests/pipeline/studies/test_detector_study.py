@@ -67,7 +67,7 @@ def test_repeatability_of_the_blob(blob: Path, tmp_path: Path) -> None:
     with (tmp_path / "trials.csv").open() as stream:
         table = list(csv.DictReader(stream))
     assert len(table) == 3 * 2  # conditions, detectors
-    assert "found again" in found.summary
+    assert "Repeatability of" in found.summary
 
 
 def test_abstention_is_a_miss() -> None:
@@ -122,7 +122,7 @@ def test_informativeness_of_the_blob(blob: Path, tmp_path: Path) -> None:
 
 def test_a_shape_without_relief_is_refused_with_a_reason(tmp_path: Path) -> None:
     sphere = save(shapes.icosphere(10.0, 3), tmp_path / "sphere.ply")
-    with pytest.raises(TooFewLandmarks, match="no detector gives 3 points"):
+    with pytest.raises(TooFewLandmarks, match="no detector found 3 points"):
         pipeline.study(sphere, trials=5, detectors=["t2"], settings=QUICK)
 
 

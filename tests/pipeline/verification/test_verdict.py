@@ -114,7 +114,9 @@ def test_the_part_of_the_scan_that_looks_alike_everywhere_is_ambiguous(tmp_path:
     assert result.transform is not None and len(result.alternatives) >= 1
 
 
-@pytest.mark.parametrize("shape", ["torus", "tube", pytest.param("sphere", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    "shape", ["torus", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("tube", "sphere"))]
+)
 def test_a_part_that_can_turn_is_under_constrained(tmp_path: Path, shape: str) -> None:
     made = {
         "torus": shapes.torus(),

@@ -58,6 +58,7 @@ def test_a_depth_camera_scan_is_found_within_five_percent(name: str, kind: str, 
     assert min(errors_mm) < 0.05 * design.diagonal_mm
 
 
+@pytest.mark.nightly
 def test_another_patients_arch_is_no_match(data: Path) -> None:
     result = pipeline.register(data / "dental" / "arch_001C.ply", data / "dental" / "arch_022C.ply")
     assert result.verdict.status == "no_match" and result.transform is None

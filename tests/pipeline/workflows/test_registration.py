@@ -252,12 +252,13 @@ pipeline.register(*sys.argv[1:3], settings=settings, out=sys.argv[3], seed=5, to
 
 def test_same_bytes_with_any_number_of_threads(design: Path, tmp_path: Path) -> None:
     scan = save(scanned(shapes.motion(9)), tmp_path / "scan.ply")
+    settings = Settings.model_validate(FAST)
     folders = []
     for threads in ("1", "3"):
         folder = tmp_path / threads
         environment = os.environ | {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
         subprocess.run(
-            [sys.executable, "-c", SCRIPT, design, scan, folder, COARSE.model_dump_json()],
+            [sys.executable, "-c", SCRIPT, design, scan, folder, settings.model_dump_json()],
             check=True,
             env=environment,
         )
