@@ -46,9 +46,7 @@ def register(
     """
     if tolerance_mm is not None and not 0 < tolerance_mm < float("inf"):
         raise ValueError(f"tolerance_mm is {tolerance_mm}; it must be above 0")
-    from pipeline.workflows.registration import (
-        run_registration,
-    )  # here, so that the API can import the door cheaply
+    from pipeline.workflows.registration import run_registration  # here: importing this module stays cheap
 
     return run_registration(
         MeshFile.of(design),

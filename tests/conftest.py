@@ -1,5 +1,6 @@
 """What holds for all tests, real meshes for those marked `data`, and servers for those that ask for them."""
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,17 @@ from tests.support.storage import S3, Postgres, postgres_binaries, running_postg
 # How long an example takes says how busy the machine is. A test that hangs is ended by pytest-timeout.
 hypothesis.settings.register_profile("tests", deadline=None)
 hypothesis.settings.load_profile("tests")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Each test gets an id of its own: of tests that share one, pytest-xdist runs the last and says nothing."""
+    for item in items:
+        operation = getattr(item, "operation_label", None)
+        if operation and "[" not in item.nodeid:  # schemathesis 4.32 leaves the ids of pytest 9.2 without it
+            item._id = item._id.with_params(operation)  # type: ignore[attr-defined]
+    repeated = [each for each, count in Counter(item.nodeid for item in items).items() if count > 1]
+    if repeated:
+        raise pytest.UsageError(f"tests that share an id: {', '.join(repeated)}")
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,5 @@
 """Assembly of the API. Importing this module has no side effects; `create_app` gets all it needs."""
 
-import tempfile
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 
@@ -31,7 +30,6 @@ def create_app(settings: ServiceSettings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        tempfile.tempdir = str(settings.tmp_dir)  # spooled form uploads
         engine = open_database(settings.database)
         with ExitStack() as stack:
             stack.callback(engine.dispose)

@@ -1,6 +1,7 @@
 """The API process."""
 
 import os
+import tempfile
 
 import uvicorn
 
@@ -13,6 +14,7 @@ STOP_TIMEOUT_S = 3  # for active requests; a long poll ends early
 
 def run_api(settings: ServiceSettings) -> int:
     """Serve until SIGTERM or SIGINT. Returns the exit code."""
+    tempfile.tempdir = str(settings.tmp_dir)  # spooled form uploads; of this process, so not in `create_app`
     server = uvicorn.Server(configuration(settings))
     server.run()
     return 0 if server.started else 1

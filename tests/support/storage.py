@@ -22,7 +22,6 @@ import psycopg
 from obstore.store import S3Store
 
 START_TIMEOUT_S = 60
-TEMPORARY = tempfile.gettempdir()  # before a service in this process names another
 S3_WORDS = {"AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_REGION": "us-east-1"}
 
 
@@ -87,7 +86,7 @@ def running_postgres() -> Iterator[Postgres]:
     """Until the end of the block."""
     binaries = postgres_binaries()
     assert binaries is not None, "PostgreSQL is not installed (apt-get install postgresql)"
-    folder = Path(tempfile.mkdtemp(prefix="cusp-pg-", dir=TEMPORARY))
+    folder = Path(tempfile.mkdtemp(prefix="cusp-pg-"))
     user = None
     if os.geteuid() == 0:
         known = {each.pw_name for each in pwd.getpwall()}

@@ -128,5 +128,5 @@ def test_an_archive_holds_no_pickle(tmp_path: Path) -> None:
     np.savez(path, meta=np.array([{"a": 1}], dtype=object))
     with pytest.raises(archive.NotAnArchive):
         archive.read(path, CachedDesign)
-    with pytest.raises(TypeError, match="no place"):
+    with pytest.raises(TypeError, match="cannot contain"):
         archive.write(path, object())
