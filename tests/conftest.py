@@ -16,7 +16,7 @@ hypothesis.settings.load_profile("tests")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Each test gets an id of its own: of tests that share one, pytest-xdist runs the last and says nothing."""
+    """Each test gets an id of its own: of tests that share one, pytest-xdist silently runs only one."""
     for item in items:
         operation = getattr(item, "operation_label", None)
         if operation and "[" not in item.nodeid:  # schemathesis 4.32 leaves the ids of pytest 9.2 without it

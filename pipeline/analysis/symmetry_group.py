@@ -135,7 +135,7 @@ class _CandidateFinder:
         truncation_mm = SYMMETRY.rank_truncation_share * self._diagonal_mm
         grid = NearestGrid(samples.points, samples.normals, truncation_mm)
         points, normals = samples.points[self._coarse], samples.normals[self._coarse]
-        cost_mm2 = grid.costs(T, np.ones(len(T)), points, normals, truncation_mm)
+        cost_mm2 = grid.costs(T, np.ones(len(T)), points, normals)
         T, cost_mm2 = self._refine(T[np.argsort(cost_mm2, kind="stable")[: SYMMETRY.max_tried]])
         order = np.argsort(cost_mm2, kind="stable")
         return [(float(cost_mm2[k]), rigid.orthonormal(T[k])) for k in order]

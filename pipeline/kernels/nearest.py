@@ -6,9 +6,14 @@ from scipy.spatial import cKDTree
 from pipeline.core.mesh import FloatArray, IndexArray
 
 
-def nearest(points: FloatArray, queries: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Distance to and number of the nearest of `points` (n, 3), for each of `queries` (..., 3)."""
-    distance, index = cKDTree(points).query(queries)
+def nearest(
+    points: FloatArray, queries: FloatArray, *, within_mm: float = np.inf
+) -> tuple[FloatArray, IndexArray]:
+    """Distance to and number of the nearest of `points` (n, 3), for each of `queries` (..., 3).
+
+    within_mm : where none is nearer, the distance is inf and the number n
+    """
+    distance, index = cKDTree(points).query(queries, distance_upper_bound=within_mm)
     return np.asarray(distance, dtype=np.float64), np.asarray(index, dtype=np.int64)
 
 

@@ -16,28 +16,27 @@ BLOCK_SIZE = 2_000_000
 class NearestGrid:
     """The sample nearest to the centre of each cell of a box around the samples.
 
-    points : (k, 3) mm, normals : (k, 3) unit, target frame; margin_mm : distance from the samples to the
-    sides of the box
+    points : (k, 3) mm, normals : (k, 3) unit, target frame; max_distance_mm : distance at which costs are
+    truncated, also that from the samples to the sides of the box. A cell all of whose points are farther from
+    every sample has no sample: finding one for it would take most of the time and change no cost.
     """
 
-    def __init__(self, points: FloatArray, normals: FloatArray, margin_mm: float) -> None:
-        low = points.min(axis=0) - margin_mm
-        extent = np.ptp(points, axis=0) + 2 * margin_mm
+    def __init__(self, points: FloatArray, normals: FloatArray, max_distance_mm: float) -> None:
+        low = points.min(axis=0) - max_distance_mm
+        extent = np.ptp(points, axis=0) + 2 * max_distance_mm
         self._cell = float(extent.max()) / CELLS
         self._shape = np.maximum(1, np.ceil(extent / self._cell).astype(np.int64))
         self._low = low
         axes = [low[k] + self._cell * (np.arange(self._shape[k]) + 0.5) for k in range(3)]
         centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        self._nearest = nearest(points, centres)[1]
+        # A point of a cell is up to half a diagonal from its centre.
+        reach_mm = max_distance_mm + np.sqrt(3.0) / 2 * self._cell
+        self._nearest = nearest(points, centres, within_mm=1.001 * reach_mm)[1]
+        self._max_distance_mm = max_distance_mm
         self._points, self._normals = points, normals
 
     def costs(
-        self,
-        T: FloatArray,
-        normal_sign: FloatArray,
-        points: FloatArray,
-        normals: FloatArray,
-        max_distance_mm: float,
+        self, T: FloatArray, normal_sign: FloatArray, points: FloatArray, normals: FloatArray
     ) -> FloatArray:
         """(h,) mm^2, mean squared distance of the points to the sample of their cell, truncated at
         max_distance_mm^2.
@@ -47,6 +46,7 @@ class NearestGrid:
         the points under that pose; points : (k, 3) mm, normals : (k, 3) unit, source frame
         """
         costs = np.zeros(len(T))
+        max_distance_mm = self._max_distance_mm
         block = max(1, BLOCK_SIZE // max(1, len(points)))
         for start in range(0, len(T), block):
             chunk = T[start : start + block]
@@ -57,6 +57,8 @@ class NearestGrid:
             sample = self._nearest[
                 (cell[..., 0] * self._shape[1] + cell[..., 1]) * self._shape[2] + cell[..., 2]
             ]
+            inside &= sample < len(self._points)
+            sample = np.where(inside, sample, 0)
             squared = ((moved - self._points[sample]) ** 2).sum(axis=2)
             rotated = (
                 rigid.rotated(chunk[:, :3, :3], normals) * normal_sign[start : start + block, None, None]

@@ -54,6 +54,8 @@ def write(path: Path, name: str, segmentation: Segmentation, settings: Segmentat
     with matplotlib.rc_context():
         matplotlib.rcdefaults()  # ignores a matplotlibrc of the machine
         matplotlib.rcParams["svg.hashsalt"] = "cusp"
+        # A title at a fixed height: matplotlib otherwise measures every label of the axes to place it.
+        matplotlib.rcParams["axes.titley"] = 1.0
         draw(name, segmentation, settings).savefig(
             path, format="svg", dpi=RASTER_DPI, metadata={"Date": None}
         )
@@ -72,9 +74,11 @@ def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) 
     _draw_centres(axes, segmentation, delta, is_peak=settings.method == "cfsfdp")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()  # half of the time of drawing, and little to read
     if segmentation.rho.max() > LOG_ABOVE * np.median(segmentation.rho):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.minorticks_off()
     else:
         axes.set_xlim(left=0)
     axes.set_xlabel(_RHO_LABEL.get(settings.density, rf"local density $\rho$ ({settings.density})"))

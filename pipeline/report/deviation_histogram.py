@@ -32,6 +32,8 @@ def write(
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams["svg.hashsalt"] = "cusp"
+        # A title at a fixed height: matplotlib otherwise measures every label of the axes to place it.
+        matplotlib.rcParams["axes.titley"] = 1.0
         figure = Figure(figsize=SIZE_INCH)
         axes = figure.subplots(gridspec_kw=MARGINS)
         edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)

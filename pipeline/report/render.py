@@ -1,15 +1,14 @@
-"""Pictures of a coloured mesh or point cloud, rendered on the CPU without a display.
-
-open3d (Embree) casts the rays, numpy shades the hits.
+"""Pictures of a coloured mesh or point cloud, rendered on the CPU without a display: by a z-buffer
+(`kernels/raster.py`).
 """
 
 import io
 from dataclasses import dataclass
 
 import numpy as np
-import open3d as o3d
 
 from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.kernels import raster
 
 # All values of the rendering are chosen by hand, not fitted; none affects a measurement.
 #: Grey value of the background, in [0, 1].
@@ -18,7 +17,7 @@ BACKGROUND = 1.0
 AMBIENT = 0.35
 #: Size of the picture over the size of its content.
 MARGIN = 1.06
-#: Rays per pixel along each axis.
+#: Samples per pixel along each axis.
 OVERSAMPLE = 2
 #: Side of the square of a point of a point cloud, pixels.
 POINT_PX = 3
@@ -79,7 +78,7 @@ def picture(
     if mesh.is_cloud:
         image = _splatted(mesh.vertices @ view.axes.T, colours, centre, mm_per_px, width, height)
     else:
-        image = _traced(mesh, colours, view, centre, high[2] + 1.0, mm_per_px, width, height, landmarks_mm)
+        image = _drawn(mesh, colours, view, centre, mm_per_px, width, height, landmarks_mm)
     return png(image)
 
 
@@ -92,64 +91,43 @@ def png(image: FloatArray) -> bytes:
     return stream.getvalue()
 
 
-def _traced(
+def _drawn(
     mesh: Mesh,
     colours: FloatArray,
     view: View,
     centre: FloatArray,
-    near: float,
     mm_per_px: float,
     width: int,
     height: int,
     landmarks_mm: FloatArray | None,
 ) -> FloatArray:
     w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
-    x = (np.arange(w, dtype=np.float32) - (w - 1) / 2) * step + centre[0]
-    y = centre[1] - (np.arange(h, dtype=np.float32) - (h - 1) / 2) * step
-    axes = view.axes.astype(np.float32)
-    rays = np.empty((h, w, 6), dtype=np.float32)
-    rays[..., :3] = x[None, :, None] * axes[0] + y[:, None, None] * axes[1] + near * axes[2]
-    rays[..., 3:] = -axes[2]
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(mesh.vertices.astype(np.float32)), o3d.core.Tensor(mesh.faces.astype(np.uint32))
+    left, top = float(centre[0] - (w - 1) / 2 * step), float(centre[1] + (h - 1) / 2 * step)
+    image, depth = raster.draw(
+        *(mesh.vertices @ view.axes.T, mesh.faces, colours),
+        left=left,
+        top=top,
+        step=step,
+        size_px=(w, h),
+        ambient=AMBIENT,
+        background=BACKGROUND,
     )
-    hit = scene.cast_rays(o3d.core.Tensor(rays))  # independent rays: the same with any number of threads
-    distance = hit["t_hit"].numpy().ravel()
-    hits = np.flatnonzero(np.isfinite(distance))
-    face, uv = hit["primitive_ids"].numpy().ravel()[hits], hit["primitive_uvs"].numpy().reshape(-1, 2)[hits]
-    normal = hit["primitive_normals"].numpy().reshape(-1, 3)[hits]  # unit vectors
-    corners, painted = mesh.faces[face], colours.astype(np.float32)
-    u, v = uv[:, 0], uv[:, 1]
-    light = AMBIENT + (1 - AMBIENT) * np.abs(
-        normal[:, 0] * axes[2, 0] + normal[:, 1] * axes[2, 1] + normal[:, 2] * axes[2, 2]
-    )
-    # One channel at a time: numpy is slow along rows of three.
-    colour = np.empty((3, len(hits)), dtype=np.float32)
-    for channel, of_vertices in zip(colour, painted.T.copy(), strict=True):
-        channel[:] = of_vertices[corners[:, 0]] * (1 - u - v)
-        channel += of_vertices[corners[:, 1]] * u
-        channel += of_vertices[corners[:, 2]] * v
-        channel *= light
-    image = np.full((3, h * w), BACKGROUND, dtype=np.float32)
-    image[:, hits] = colour
     if landmarks_mm is not None and len(landmarks_mm):
-        left, top = float(x[0]), float(y[0])
+        x, y = left + step * np.arange(w), top - step * np.arange(h)
         reach, radius_mm = int(np.ceil(DOT_PX * OVERSAMPLE)) + 1, DOT_PX * mm_per_px
-        depth = distance.reshape(h, w)
         for landmark in landmarks_mm @ view.axes.T:
             column, row = round((landmark[0] - left) / step), round((top - landmark[1]) / step)
             rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
             columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
             # A surface point near the landmark belongs to its dot, so hidden landmarks remain hidden.
             lateral = np.hypot(*np.meshgrid(x[columns] - landmark[0], y[rows] - landmark[1]))
-            near_landmark = np.hypot(lateral, near - depth[rows, columns] - landmark[2]) <= radius_mm
-            image.reshape(3, h, w)[:, rows, columns][:, near_landmark] = DOT_COLOUR[:, None]
-    quads = image.reshape(3, height, OVERSAMPLE, width, OVERSAMPLE)
-    total = np.zeros((3, height, width), dtype=np.float32)
+            near_landmark = np.hypot(lateral, depth[rows, columns] - landmark[2]) <= radius_mm
+            image[rows, columns][near_landmark] = DOT_COLOUR
+    # One sample of each pixel at a time: numpy is slow along short axes.
+    total = np.zeros((height, width, 3), dtype=np.float32)
     for i, j in np.ndindex(OVERSAMPLE, OVERSAMPLE):
-        total += quads[:, :, i, :, j]
-    return np.asarray(np.moveaxis(total / OVERSAMPLE**2, 0, -1), dtype=np.float64)
+        total += image[i::OVERSAMPLE, j::OVERSAMPLE]
+    return np.asarray(total / OVERSAMPLE**2, dtype=np.float64)
 
 
 def _splatted(

@@ -43,8 +43,7 @@ class HypothesisSearch:
         self._coarsest = slice(None, None, 4 * coarse_step)
         points, normals = self.design_samples.points, self.design_samples.normals
         self._target = icp.Target(cKDTree(points), points, normals)
-        self._rank_truncation_mm = MATCHING.rank_truncation_share * self._diagonal_mm
-        self._grid = NearestGrid(points, normals, self._rank_truncation_mm)
+        self._grid = NearestGrid(points, normals, MATCHING.rank_truncation_share * self._diagonal_mm)
 
     def run(self, candidates: PosePool) -> tuple[Hypothesis, ...]:
         """Distinct poses, best first, the neighbours of the best among them. candidates : at least one"""
@@ -114,7 +113,7 @@ class HypothesisSearch:
     def _rank(self, pool: PosePool, samples: slice) -> FloatArray:
         """(h,) mm^2, cost of each pose by the grid of nearest samples, without an ICP."""
         points, normals = self.scan_samples.points[samples], self.scan_samples.normals[samples]
-        return self._grid.costs(pool.T, pool.normal_sign, points, normals, self._rank_truncation_mm)
+        return self._grid.costs(pool.T, pool.normal_sign, points, normals)
 
     def _refine(self, pool: PosePool, settings: RefineRound) -> PosePool:
         samples = self._coarse if settings.samples == "coarse" else self._fine

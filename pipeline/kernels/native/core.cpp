@@ -261,6 +261,8 @@ class Solver {
 
 void bind_copy_icp(nb::module_& m);  // copy_icp.cpp
 void bind_closest(nb::module_& m);   // closest.cpp
+void bind_fpfh(nb::module_& m);      // fpfh.cpp
+void bind_raster(nb::module_& m);    // raster.cpp
 
 NB_MODULE(core, m) {
     m.doc() = "C++ core of kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py.";
@@ -288,4 +290,6 @@ NB_MODULE(core, m) {
         .def("windows", &Solver::windows, "source"_a, "radius"_a);
     bind_copy_icp(m);
     bind_closest(m);
+    bind_fpfh(m);
+    bind_raster(m);
 }

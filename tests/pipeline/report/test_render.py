@@ -3,12 +3,14 @@
 import io
 
 import numpy as np
+import open3d as o3d
 import pytest
 from PIL import Image
 
 from pipeline.core.mesh import Mesh
+from pipeline.kernels.native import core
 from pipeline.report.render import AMBIENT, DOT_COLOUR, MARGIN, View, four_views, picture
-from tests.support.shapes import box, icosphere, motion
+from tests.support.shapes import box, bumpy_blob, icosphere, motion
 
 TOP = View.along("top", np.array([0.0, 0, 1]), np.array([0.0, 1, 0]))
 
@@ -79,3 +81,56 @@ def test_the_same_bytes_each_time() -> None:
     ball = icosphere(10.0, 4)
     colours = np.abs(ball.vertices) / 10
     assert len({picture(ball, colours, TOP, ball.vertices, 80, 60) for _ in range(3)}) == 1
+
+
+def test_every_sample_shows_what_a_ray_caster_sees() -> None:
+    """Depth and background, by Open3D's rays; the colours are the depth, so interpolation is tested too."""
+    blob = bumpy_blob(3).moved(motion(5))
+    low, high = blob.vertices.min(axis=0), blob.vertices.max(axis=0)
+    width, height, step = 90, 70, float((high - low)[:2].max()) / 60
+    left, top = float(low[0]) - 5 * step, float(high[1]) + 3 * step
+    colours = np.repeat(blob.vertices[:, 2:], 3, axis=1)
+    image, depth = core.picture(
+        blob.vertices, blob.faces, colours, left, top, step, width, height, 1.0, 7.0, 2
+    )
+    x, y = np.meshgrid(left + step * np.arange(width), top - step * np.arange(height))
+    start = np.stack([x, y, np.full_like(x, high[2] + 1)], axis=-1)
+    rays = np.concatenate([start, np.broadcast_to([0.0, 0, -1], start.shape)], axis=-1).astype(np.float32)
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor(blob.vertices.astype(np.float32)), o3d.core.Tensor(blob.faces.astype(np.uint32))
+    )
+    seen = high[2] + 1 - scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
+    assert np.mean(np.isfinite(seen) == np.isfinite(depth)) > 0.999  # but for rays along the outline
+    both = np.isfinite(seen) & np.isfinite(depth)
+    np.testing.assert_allclose(depth[both], seen[both], atol=1e-3)
+    np.testing.assert_allclose(image[both], np.repeat(depth[both][:, None], 3, axis=1), rtol=1e-5, atol=1e-4)
+    assert (image[~np.isfinite(depth)] == 7.0).all()
+
+
+def test_no_sample_falls_between_two_triangles() -> None:
+    """Corners and edges lie exactly on samples."""
+    square = box((8.0, 8.0, 1.0), levels=3)
+    low = square.vertices.min(axis=0)
+    _, depth = core.picture(
+        square.vertices,
+        square.faces,
+        np.ones_like(square.vertices),
+        low[0],
+        low[1] + 8.0,
+        0.25,
+        33,
+        33,
+        1.0,
+        0.0,
+        1,
+    )
+    assert np.isfinite(depth).all()
+
+
+def test_threads_do_not_change_one_bit_of_a_picture() -> None:
+    blob = bumpy_blob(3)
+    arguments = (blob.vertices, blob.faces, np.abs(blob.vertices), -20.0, 20.0, 0.1, 400, 400, 0.3, 1.0)
+    (one, depth), (four, same) = core.picture(*arguments, 1), core.picture(*arguments, 4)
+    np.testing.assert_array_equal(one, four)
+    np.testing.assert_array_equal(depth, same)
