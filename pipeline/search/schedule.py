@@ -1,7 +1,7 @@
 """The schedule of the search for the pose: every count and length that is not in `Settings`, in one place.
 
 Shares are of the diagonal of the design's bounding box unless a field says otherwise. "Chosen by hand" means:
-set while looking at the development shapes of the benchmark (`tests/accuracy/gauntlet_cases.py`), not fitted.
+set while looking at the development shapes of the benchmark (`tests/accuracy/gauntlet_specs.py`), not fitted.
 All of it is in the results under `provenance.limits.search`.
 """
 

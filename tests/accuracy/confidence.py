@@ -36,9 +36,9 @@ from pipeline.core.timing import silent
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case, evidence, probability
 from pipeline.verification.verdict import judge
-from tests.accuracy import gauntlet, gauntlet_cases
+from tests.accuracy import gauntlet_cases, gauntlet_error, gauntlet_specs, gauntlet_tables
 from tests.accuracy.bench import save
-from tests.accuracy.gauntlet_cases import Condition, Spec
+from tests.accuracy.gauntlet_specs import Condition, Spec
 from tests.support.designs import design_of
 
 FIRST_SEED = 1000  # the gauntlet's are 0, 1, 2 ...
@@ -57,23 +57,23 @@ def specs(seeds: int) -> list[Spec]:
     cannot be.
     """
     found = []
-    shapes = ("formula/demo arch", "formula/blob", *gauntlet_cases.UNIQUE, *gauntlet_cases.NEARLY_SYMMETRIC)
+    shapes = ("formula/demo arch", "formula/blob", *gauntlet_specs.UNIQUE, *gauntlet_specs.NEARLY_SYMMETRIC)
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
         for condition in ("scan", *HARDER):
             found += [Spec("harder", shape, condition, seed) for shape in shapes]
         found += [
-            Spec("other part", design, "scan", seed, scanned) for design, scanned in gauntlet_cases.STRANGERS
+            Spec("other part", design, "scan", seed, scanned) for design, scanned in gauntlet_specs.STRANGERS
         ]
         found += [
-            Spec("another patient", design, "scan", seed, scan) for design, scan in gauntlet_cases.PATIENTS
+            Spec("another patient", design, "scan", seed, scan) for design, scan in gauntlet_specs.PATIENTS
         ]
-        found += [Spec("depth camera", f"pairs/{pair}", "points", seed) for pair in gauntlet_cases.PAIRS]
+        found += [Spec("depth camera", f"pairs/{pair}", "points", seed) for pair in gauntlet_specs.PAIRS]
     return found
 
 
 def measured(spec: Spec) -> dict[str, Any]:
     """One case: the evidence for its best pose, and whether that is right."""
-    gauntlet_cases.CONDITIONS.update(HARDER)
+    gauntlet_specs.CONDITIONS.update(HARDER)
     case = gauntlet_cases.build(spec)
     settings = Settings()
     with tempfile.TemporaryDirectory() as folder:
@@ -89,7 +89,7 @@ def measured(spec: Spec) -> dict[str, Any]:
     registered = register_scan(match_scan(scan, design, job), design, job)
     registered, checks = verify_hypotheses(registered, design, job)
     judged = Case.of(registered, checks, design, job)
-    error = gauntlet.error(replace(case, unit_factor=1.0), registered.registration.best.T_design_scan)
+    error = gauntlet_error.error(replace(case, unit_factor=1.0), registered.registration.best.T_design_scan)
     right = error is not None and error.right and not error.at_rival
     return {
         "case": spec.name,
@@ -192,8 +192,8 @@ def main() -> None:
     if args.judge:
         lines = [
             row
-            for row in gauntlet.read_rows(args.judge).values()
-            if row.tool == gauntlet.CUSP and row.confidence
+            for row in gauntlet_tables.read_rows(args.judge).values()
+            if row.tool == gauntlet_tables.CUSP and row.confidence
         ]
         said = np.array([row.confidence for row in lines])
         right = np.array([bool(row.right) and not row.at_rival for row in lines], dtype=np.float64)

@@ -1,12 +1,18 @@
 """One service for the tests that leave it as they found it, and the meshes they send."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
+import trimesh
+from playwright.sync_api import Browser, sync_playwright
 
+from service.contract.schemas import Job
+from tests.support.browser import ARGUMENTS, CHROMIUM, TOLERANCE_MM, Watched
 from tests.support.meshes import SHIFT_MM, TURN_DEG, blob_stl
-from tests.support.running import RunningService
+from tests.support.running import QUICK, RunningService
 
 
 @pytest.fixture(scope="session")
@@ -30,3 +36,50 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningService
     yield service
     took = service.stop()
     assert took < 10, f"the service took {took} s to stop"
+
+
+@pytest.fixture(scope="package")
+def browser() -> Iterator[Browser]:
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed (apt-get install chromium)")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="package")
+def registered(running: RunningService, design: Path, scan: Path) -> Job:
+    """A finished registration, for the tests that only look."""
+    options = {**QUICK, "label": "finished", "tolerance_mm": TOLERANCE_MM}
+    return running.successful(running.client.submit(design, scan, options).id)
+
+
+@pytest.fixture(scope="package")
+def symmetric(running: RunningService, tmp_path_factory: pytest.TempPathFactory) -> Job:
+    """A brick on itself: it fits in four ways."""
+    brick = trimesh.creation.box(extents=(30.0, 20.0, 10.0))
+    for _ in range(3):
+        brick = brick.subdivide()
+    path = tmp_path_factory.mktemp("brick") / "brick.stl"
+    brick.export(path)
+    return running.successful(running.client.submit(path, path, {**QUICK, "label": "brick"}).id)
+
+
+@pytest.fixture(scope="package")
+def marked(running: RunningService, design: Path) -> Job:
+    """A finished landmarks job."""
+    given = {"type": "landmarks", "options": json.dumps(QUICK)}
+    files = {"mesh": ("part.stl", design.read_bytes())}
+    answer = httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files)
+    return running.successful(answer.json()["id"])
+
+
+@pytest.fixture
+def watched(browser: Browser, running: RunningService) -> Iterator[Watched]:
+    context = browser.new_context(viewport={"width": 1100, "height": 900}, reduced_motion="reduce")
+    made = Watched(context, running.client.server)
+    yield made
+    context.close()
+    assert made.hosts <= {running.client.server.split("//")[1]}, "a request left the machine"
+    assert made.complaints == []

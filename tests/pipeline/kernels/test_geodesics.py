@@ -6,42 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pygeodesic import geodesic as pygeodesic
 
-from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.kernels.geodesics import GeodesicSolver, density_rank, edge_lengths, rounded
+from pipeline.core.mesh import Mesh
+from pipeline.kernels.geodesics import GeodesicSolver, edge_lengths
 from pipeline.kernels.sampling import farthest
 from tests.support import shapes
-
-
-def solver_of(mesh: Mesh, threads: int | None = None) -> GeodesicSolver:
-    return GeodesicSolver(mesh.vertices, mesh.faces, threads=threads)
-
-
-def canonical_matrix(solver: GeodesicSolver) -> FloatArray:
-    """The slow route: all pairs, the smaller of both directions."""
-    rows = solver.distances(np.arange(solver.n))
-    return np.asarray(np.minimum(rows, rows.T))
+from tests.support.geodesics import rough_blob, solver_of
 
 
 @pytest.fixture(scope="module")
 def rough() -> Mesh:
-    """A blob with saddles everywhere: every second vertex moved in or out."""
-    blob = shapes.bumpy_blob(3)
-    rng = np.random.default_rng(4)
-    return Mesh(blob.vertices * (1 + 0.06 * rng.normal(size=(len(blob.vertices), 1))), blob.faces)
-
-
-def two_pieces() -> Mesh:
-    one, other = shapes.icosphere(3.0, 2), shapes.icosphere(2.0, 1)
-    return Mesh(
-        np.concatenate([one.vertices, other.vertices + np.array([20.0, 0, 0])]),
-        np.concatenate([one.faces, other.faces + len(one.vertices)]),
-    )
-
-
-def torn(mesh: Mesh, seed: int, share: float = 0.15) -> Mesh:
-    """The mesh with random triangles missing: borders, islands, bow ties."""
-    kept = np.random.default_rng(seed).random(len(mesh.faces)) > share
-    return Mesh(mesh.vertices, mesh.faces[kept])
+    return rough_blob()
 
 
 # --- closed forms
@@ -188,84 +162,6 @@ def test_threads_do_not_change_one_bit(rough: Mesh) -> None:
     assert one.within(6.0).data.tobytes() == many.within(6.0).data.tobytes()
     for a, b in zip(one.nearest_denser(weights), many.nearest_denser(weights), strict=True):
         assert a.tobytes() == b.tobytes()
-
-
-# --- every query is the full matrix' answer
-
-
-@pytest.fixture(scope="module", params=["rough", "torn", "pieces", "cube", "plane"])
-def known(request: pytest.FixtureRequest, rough: Mesh) -> tuple[GeodesicSolver, FloatArray]:
-    """Cube and plane have many equal distances."""
-    meshes = {"rough": rough, "torn": torn(rough, 3), "pieces": two_pieces()}
-    meshes |= {"cube": shapes.box((2.0, 2.0, 2.0), 3), "plane": shapes.grid_plane(16, 13)}
-    solver = solver_of(meshes[request.param])
-    return solver, canonical_matrix(solver)
-
-
-@pytest.mark.parametrize("share", [0.02, 0.3])
-def test_within_is_the_matrix_cut_at_the_radius(
-    known: tuple[GeodesicSolver, FloatArray], share: float
-) -> None:
-    solver, matrix = known
-    radius = float(np.quantile(matrix[np.isfinite(matrix)], share))
-    pairs = solver.within(radius)
-    np.testing.assert_array_equal(pairs.toarray(), np.where(matrix <= radius, matrix, 0.0))
-    assert (pairs != pairs.T).nnz == 0
-    np.testing.assert_array_equal(solver.count_within(radius), (matrix <= radius).sum(axis=1) - 1)
-
-
-@pytest.mark.parametrize("q", [1e-6, 0.001, 0.02, 0.5, 1.0])
-def test_quantile_is_the_kth_smallest_pair(known: tuple[GeodesicSolver, FloatArray], q: float) -> None:
-    solver, matrix = known
-    pairs = np.sort(matrix[np.triu_indices(solver.n, 1)])
-    assert solver.quantile(q) == pairs[max(1, round(q * len(pairs))) - 1]
-
-
-def test_density_is_the_matrix_sum(known: tuple[GeodesicSolver, FloatArray]) -> None:
-    solver, matrix = known
-    weights = np.random.default_rng(0).random(solver.n)
-    d_c, rho = solver.cutoff_density(0.02, weights)
-    np.testing.assert_array_equal(rho, rounded((matrix < d_c) @ weights))
-    np.testing.assert_array_equal(solver.density(d_c, weights), rho)
-    gaussian = np.where(matrix < 3 * d_c, np.exp(-((matrix / d_c) ** 2)), 0.0) @ weights
-    np.testing.assert_allclose(solver.density(d_c, weights, gaussian=True), gaussian, rtol=1e-10)
-
-
-@pytest.mark.parametrize("digits", [1, 6], ids=["many ties", "few ties"])
-def test_nearest_denser_is_the_matrix_answer(known: tuple[GeodesicSolver, FloatArray], digits: int) -> None:
-    solver, matrix = known
-    rho = np.round(np.random.default_rng(digits).random(solver.n), digits)
-    rank = density_rank(rho)
-    denser = np.where(rank[None, :] < rank[:, None], matrix, np.inf)
-    index, distance = solver.nearest_denser(rho)
-    np.testing.assert_array_equal(distance, denser.min(axis=1))
-    np.testing.assert_array_equal(index, np.where(np.isfinite(distance), denser.argmin(axis=1), -1))
-
-
-def test_nearest_other_is_the_matrix_answer(known: tuple[GeodesicSolver, FloatArray]) -> None:
-    solver, matrix = known
-    labels = np.random.default_rng(2).integers(-1, 3, solver.n).astype(np.int32)
-    radius = float(np.quantile(matrix[np.isfinite(matrix)], 0.05))
-    other = (labels[None, :] >= 0) & (labels[None, :] != labels[:, None])
-    expected = np.where(other & (matrix < radius), matrix, np.inf).min(axis=1)
-    np.testing.assert_array_equal(solver.nearest_other(np.arange(solver.n), labels, radius), expected)
-
-
-def test_distance_from_a_set_is_the_smallest_of_its_members(known: tuple[GeodesicSolver, FloatArray]) -> None:
-    solver, matrix = known
-    sources = np.array([3, 77, 160])
-    np.testing.assert_allclose(
-        solver.distances_from_set(sources), matrix[sources].min(axis=0), rtol=1e-9, atol=1e-12
-    )
-    assert np.isinf(solver.distances_from_set(np.zeros(0, dtype=np.int64))).all()
-
-
-def test_pieces_are_infinitely_far_apart_and_counted_last() -> None:
-    solver = solver_of(two_pieces())
-    first_of_other = len(shapes.icosphere(3.0, 2).vertices)
-    assert np.isinf(solver.distances(0)[first_of_other:]).all()
-    assert np.isinf(solver.quantile(1.0))
-    assert np.isfinite(solver.quantile(0.02))
 
 
 # --- whatever comes
