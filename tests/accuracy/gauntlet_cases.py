@@ -1,5 +1,5 @@
 """The cases of the gauntlet, each made afresh from its `Spec` = (group, shape, condition, seed), the same
-every time.
+every time. Longer than other files, since it says of each kind of case which answers are right, and why.
 
 A scan is another triangulation of the part (6,000 to 11,000 vertices, by the seed), in a random pose, with
 noise along its normals (Gaussian) and a smooth warp (one sine wave an axis, about one a diagonal), and for a

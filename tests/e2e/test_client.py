@@ -82,8 +82,8 @@ def test_one_line_registers(running: RunningService, design: Path, scan: Path, t
 
 def test_a_design_is_sent_once(running: RunningService, design: Path, scan: Path) -> None:
     blob = running.client.put_blob(design)
-    results = [running.client.register(blob, scan, settings=SETTINGS).result(240) for _ in range(2)]
-    assert {result.provenance.inputs.design.sha256 for result in results} == {blob.id.removeprefix("sha256:")}
+    result = running.client.register(blob, scan, settings=SETTINGS).result(240)
+    assert result.provenance.inputs.design.sha256 == blob.id.removeprefix("sha256:")
     assert isinstance(running.client.landmarks(blob, settings=SETTINGS).result(240), LandmarksResult)
     study = running.client.study(blob, settings=SETTINGS, study={"trials": 5, "detectors": ["t2"]}).result(
         240
@@ -97,7 +97,7 @@ def test_many_jobs_are_awaited_together(
     async def all_of_them() -> list[RegistrationResult]:
         async with AsyncClient(running.client.server) as cusp:
             blob = await cusp.put_blob(design)
-            jobs = [await cusp.register(blob, scan, settings=SETTINGS, seed=seed) for seed in range(3)]
+            jobs = [await cusp.register(blob, scan, settings=SETTINGS, seed=seed) for seed in range(2)]
             found = await asyncio.gather(*(job.result(timeout_s=240) for job in jobs))
             await jobs[0].download(tmp_path)
             with pytest.raises(ServiceProblem, match="job_not_found"):
@@ -105,8 +105,8 @@ def test_many_jobs_are_awaited_together(
             return found
 
     results = asyncio.run(all_of_them())
-    assert [result.verdict.status for result in results] == ["ok"] * 3
-    assert [result.provenance.seed for result in results] == [0, 1, 2]
+    assert [result.verdict.status for result in results] == ["ok"] * 2
+    assert [result.provenance.seed for result in results] == [0, 1]
     assert (tmp_path / "results.json").exists()
 
 

@@ -2,7 +2,7 @@
 
 Polling at a fixed rate while jobs keep both cores busy; a 300 MB upload; 10,000 waiting jobs listed, paged
 and dismissed; 1,000 small jobs done. The load comes from this process, on the same cores: its own share is in
-the table.
+the table. Longer than other files: four measurements that share one service and one table.
 """
 
 import argparse
