@@ -8,7 +8,6 @@ matching the design to itself finds, which covers parts as round as a cube.
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.mesh import FloatArray
@@ -169,10 +168,9 @@ class _CandidateFinder:
     def _refine(self, T: FloatArray) -> tuple[FloatArray, FloatArray]:
         """After a short ICP on few points: T (h, 4, 4), cost (h,) mm^2."""
         samples, coarse = self._points, self._coarse
-        return icp.refine_many(
+        return self._target.refine_many(
             samples.points[coarse],
             samples.normals[coarse],
-            self._target,
             T,
             np.ones(len(T)),
             max_distance_mm=SYMMETRY.short_icp_truncation_share * self._diagonal_mm,
@@ -181,8 +179,7 @@ class _CandidateFinder:
 
     @cached_property
     def _target(self) -> icp.Target:
-        points = self._points.points
-        return icp.Target(cKDTree(points), points, self._points.normals)
+        return icp.Target(self._points.points, self._points.normals)
 
 
 def possible_turns(points: FloatArray) -> FloatArray:

@@ -1,10 +1,9 @@
 """Closest points and signed distances on a triangle surface.
 
-open3d's ray-casting scene (Embree, single precision) finds the closest triangle. The closest point on that
-triangle is then computed in double precision (`native/closest.cpp`). So a neighbouring triangle can be
-selected only where two triangles are equally far away to about 1e-7 of the part's size. The sign follows
-Baerentzen & Aanaes, "Signed distance computation using the angle weighted pseudonormal" (2005), which is
-correct at edges and vertices too.
+A tree of bounding boxes (`native/surface_tree.hpp`) finds the closest point in double precision; of
+triangles that are equally near it is that of the smallest index. The sign follows Baerentzen & Aanaes,
+"Signed distance computation using the angle weighted pseudonormal" (2005), which is correct at edges and
+vertices too. Rays are cast by open3d (Embree, single precision).
 """
 
 import os
@@ -46,13 +45,18 @@ class Surface:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        # Single precision is relative to the origin, so the part is centred first.
-        self._centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            o3d.core.Tensor((mesh.vertices - self._centre).astype(np.float32)),
-            o3d.core.Tensor(mesh.faces.astype(np.uint32)),
+        self.target = core.SurfaceTarget(mesh.vertices, mesh.faces)
+
+    @cached_property
+    def _scene(self) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
+        """For rays, with its origin (3,): single precision is relative to it, so the part is centred."""
+        centre = (self.mesh.vertices.min(axis=0) + self.mesh.vertices.max(axis=0)) / 2
+        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        scene.add_triangles(
+            o3d.core.Tensor((self.mesh.vertices - centre).astype(np.float32)),
+            o3d.core.Tensor(self.mesh.faces.astype(np.uint32)),
         )
+        return scene, centre
 
     @cached_property
     def _face_normals(self) -> FloatArray:
@@ -81,17 +85,8 @@ class Surface:
 
     def closest(self, points: FloatArray) -> Closest:
         """The closest point of the surface for each of `points` (k, 3), mm."""
-        query = o3d.core.Tensor((points - self._centre).astype(np.float32))
-        # Queries are independent: the number of threads changes no result.
-        threads = 1 if len(points) < MANY_POINTS else len(os.sched_getaffinity(0))
-        face = (
-            self._scene.compute_closest_points(query, nthreads=threads)["primitive_ids"]
-            .numpy()
-            .astype(np.int64)
-        )
-        point, weights, distance = core.closest_on_faces(
-            np.ascontiguousarray(points, dtype=np.float64), self.mesh.vertices, self.mesh.faces, face, threads
-        )
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        point, face, weights, distance = self.target.closest(points, threads_for(len(points)))
         return Closest(point, face, weights, distance, self._face_normals[face])
 
     def signed_distance(self, points: FloatArray, closest: Closest) -> FloatArray:
@@ -104,9 +99,10 @@ class Surface:
 
     def intersects_rays(self, starts: FloatArray, directions: FloatArray) -> BoolArray:
         """(k,) whether the ray from `starts` (k, 3) mm along `directions` (k, 3) hits the surface."""
-        rays = o3d.core.Tensor(np.concatenate([starts - self._centre, directions], axis=1).astype(np.float32))
-        threads = 1 if len(starts) < MANY_POINTS else len(os.sched_getaffinity(0))
-        return np.asarray(self._scene.test_occlusions(rays, nthreads=threads).numpy(), dtype=np.bool_)
+        scene, centre = self._scene
+        rays = o3d.core.Tensor(np.concatenate([starts - centre, directions], axis=1).astype(np.float32))
+        hit = scene.test_occlusions(rays, nthreads=threads_for(len(starts)))
+        return np.asarray(hit.numpy(), dtype=np.bool_)
 
     def on_open_border(self, closest: Closest) -> BoolArray:
         """(k,) whether the closest point lies on an open border (an edge with one triangle)."""
@@ -144,6 +140,11 @@ class Surface:
                 vertex
             ]
         return normal
+
+
+def threads_for(count: int) -> int:
+    """Threads for so many independent queries; their number changes no result."""
+    return 1 if count < MANY_POINTS else len(os.sched_getaffinity(0))
 
 
 def corner_angles(corners: FloatArray) -> FloatArray:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import MatchingSettings
@@ -42,7 +41,7 @@ class HypothesisSearch:
         self._fine, self._coarse = slice(None), slice(None, None, coarse_step)
         self._coarsest = slice(None, None, 4 * coarse_step)
         points, normals = self.design_samples.points, self.design_samples.normals
-        self._target = icp.Target(cKDTree(points), points, normals)
+        self._target = icp.Target(points, normals)
         self._grid = NearestGrid(points, normals, MATCHING.rank_truncation_share * self._diagonal_mm)
 
     def run(self, candidates: PosePool) -> tuple[Hypothesis, ...]:
@@ -117,10 +116,9 @@ class HypothesisSearch:
 
     def _refine(self, pool: PosePool, settings: RefineRound) -> PosePool:
         samples = self._coarse if settings.samples == "coarse" else self._fine
-        T, cost_mm2 = icp.refine_many(
+        T, cost_mm2 = self._target.refine_many(
             self.scan_samples.points[samples],
             self.scan_samples.normals[samples],
-            self._target,
             pool.T,
             pool.normal_sign,
             max_distance_mm=settings.truncation_share * self._diagonal_mm,

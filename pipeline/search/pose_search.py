@@ -50,11 +50,12 @@ def search_pose(
 ) -> SearchResult:
     """ICP (point to plane on the exact surface) from every seed; the lowest score is the pose.
 
-    thorough : False stops after the trials on few points. So does a scan that then lies far off everywhere
-    (`early_reject_ratio`): its ICP would drift without converging.
+    thorough : False tries the best few seeds and stops after the trials on few points. A scan that then lies
+    far off everywhere (`early_reject_ratio`) stops there too: its ICP would drift without converging.
     """
     refiner = _Refiner(scan, design, settings)
     seeds = choose_seeds(matching, scan.coarse_samples, design, refiner.inlier_mm)
+    seeds = seeds if thorough else seeds[: REGISTRATION.quick_seeds]
     tried = refiner.trials(seeds)
     poses = score_poses([refiner.assess(pose) for pose, _ in tried], refiner.inlier_mm)
     if thorough and not refiner.early_reject(tried[0][0]):
@@ -115,9 +116,11 @@ class _Refiner:
         """A short ICP on few points from each seed; the distinct poses, lowest cost first."""
         iterations = min(self._settings.max_iterations, REGISTRATION.trial_iterations)
         samples = self._scan.coarse_samples
-        tried = [
-            (self._refine(seed.T_design_scan, seed.normal_sign, samples, iterations), seed) for seed in seeds
-        ]
+        T, normal_sign = (
+            np.array([seed.T_design_scan for seed in seeds]),
+            np.array([seed.normal_sign for seed in seeds]),
+        )
+        tried = list(zip(self._refine(T, normal_sign, samples, iterations), seeds, strict=True))
         # sorted() is stable: of equal poses the earlier hypothesis comes first
         tried = sorted(tried, key=lambda pair: pair[0].cost_mm2)
         kept = self.distinct([pose for pose, _ in tried])
@@ -136,7 +139,10 @@ class _Refiner:
         while (number := self._next_to_finish(poses, finished)) is not None:
             finished.add(number)
             pose, samples = poses[number], self._scan.fine_samples
-            again = self._refine(pose.T_design_scan, pose.normal_sign, samples, self._settings.max_iterations)
+            (again,) = self._refine(
+                *(pose.T_design_scan[None], np.array([pose.normal_sign]), samples),
+                self._settings.max_iterations,
+            )
             poses = score_poses(
                 [self.assess(again) if k == number else each for k, each in enumerate(poses)], self.inlier_mm
             )
@@ -184,22 +190,24 @@ class _Refiner:
                 kept.append(pose)
         return kept
 
-    def _refine(self, T: FloatArray, normal_sign: float, points: ScanPoints, max_iterations: int) -> Pose:
-        refined = icp.refine(
-            points.points,
-            None if points.normals is None else normal_sign * points.normals,
-            points.weights,
-            self._design,
-            T,
+    def _refine(
+        self, T: FloatArray, normal_sign: FloatArray, points: ScanPoints, max_iterations: int
+    ) -> list[Pose]:
+        """ICP from each T (h, 4, 4) with its normal_sign (h,)."""
+        refined = icp.refine_all(
+            *(points.points, points.normals, points.weights, self._design, T, normal_sign),
             max_distance_mm=self.inlier_mm,
             max_iterations=max_iterations,
             tolerance_mm=REGISTRATION.convergence_share * self._diagonal_mm,
         )
-        T = refined.T_target_source
-        cost = points.evaluate(T, self._design, self.inlier_mm)
-        return Pose(
-            T, cost.cost_mm2, cost.rmse_mm, refined.converged, refined.iterations, normal_sign=normal_sign
-        )
+        costs = [points.evaluate(each.T_target_source, self._design, self.inlier_mm) for each in refined]
+        return [
+            Pose(
+                *(each.T_target_source, cost.cost_mm2, cost.rmse_mm, each.converged, each.iterations),
+                normal_sign=float(sign),
+            )
+            for each, cost, sign in zip(refined, costs, normal_sign, strict=True)
+        ]
 
 
 def _by_score(poses: list[Pose]) -> list[int]:

@@ -10,41 +10,16 @@ using namespace nb::literals;
 namespace {
 
 using cusp::In2;
+using cusp::Matrices;
+using cusp::matrices;
 using cusp::Motion;
 using cusp::OnProgress;
 using cusp::Out1;
 using cusp::Out2;
+using cusp::OutMatrices;
 using cusp::Progress;
 using cusp::progress_callback;
 using cusp::to_numpy;
-
-// (t, 4, 4) homogeneous matrices, row-major
-using Matrices = nb::ndarray<const double, nb::shape<-1, 4, 4>, nb::c_contig, nb::device::cpu>;
-using OutMatrices = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
-
-Motion motion_of(const double* matrix) {
-    Motion motion;
-    for (int k = 0; k < 3; ++k) {
-        motion.R[k] = {matrix[4 * k], matrix[4 * k + 1], matrix[4 * k + 2]};
-        motion.t[k] = matrix[4 * k + 3];
-    }
-    return motion;
-}
-
-void write(const Motion& motion, double* matrix) {
-    for (int k = 0; k < 3; ++k) {
-        std::copy(motion.R[k].begin(), motion.R[k].end(), matrix + 4 * k);
-        matrix[4 * k + 3] = motion.t[k];
-        matrix[12 + k] = 0;
-    }
-    matrix[15] = 1;
-}
-
-OutMatrices matrices(std::vector<double>&& values) {
-    auto* owned = new std::vector<double>(std::move(values));
-    const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-    return OutMatrices(owned->data(), {owned->size() / 16, 4, 4}, owner);
-}
 
 class CopyIcp {
    public:
@@ -69,9 +44,9 @@ class CopyIcp {
                 count, threads, on_progress,
                 [&](int worker, int64_t i) {
                     const auto trajectory =
-                        icp_.align(motion_of(starts.data() + 16 * i), rules, scratch[worker]);
-                    write(trajectory.library, library.data() + 16 * i);
-                    write(trajectory.converged, converged.data() + 16 * i);
+                        icp_.align(Motion::of(starts.data() + 16 * i), rules, scratch[worker]);
+                    trajectory.library.write(library.data() + 16 * i);
+                    trajectory.converged.write(converged.data() + 16 * i);
                     library_steps[i] = trajectory.library_iterations;
                     steps[i] = trajectory.iterations;
                     is_converged[i] = trajectory.is_converged;
@@ -92,7 +67,7 @@ class CopyIcp {
             const nb::gil_scoped_release no_gil;
             cusp::for_each(static_cast<int64_t>(errors.size()), threads, {}, [&](int, int64_t i) {
                 errors[i] =
-                    icp_.rms_error(motion_of(starts.data() + 16 * i), motion_of(backs.data() + 16 * i));
+                    icp_.rms_error(Motion::of(starts.data() + 16 * i), Motion::of(backs.data() + 16 * i));
             });
         }
         return to_numpy(std::move(errors));

@@ -8,23 +8,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "motion.hpp"
 #include "point_tree.hpp"
 
 namespace cusp {
-
-using Matrix3 = std::array<Point, 3>;  // rows
-
-// Rigid motion p_to = R p_from + t.
-struct Motion {
-    Matrix3 R{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    Point t{0, 0, 0};
-
-    Point operator()(const Point& p) const {
-        Point to;
-        for (int k = 0; k < 3; ++k) to[k] = R[k][0] * p[0] + R[k][1] * p[1] + R[k][2] * p[2] + t[k];
-        return to;
-    }
-};
 
 // The rotation R that maximises trace(R S^T), S = sum of target source^T (Horn 1987): its quaternion is the
 // eigenvector of the largest eigenvalue of the symmetric 4 x 4 matrix N, found by Jacobi rotations. Always a

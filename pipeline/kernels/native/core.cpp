@@ -260,7 +260,7 @@ class Solver {
 }  // namespace
 
 void bind_copy_icp(nb::module_& m);  // copy_icp.cpp
-void bind_closest(nb::module_& m);   // closest.cpp
+void bind_icp(nb::module_& m);       // icp.cpp
 void bind_fpfh(nb::module_& m);      // fpfh.cpp
 void bind_raster(nb::module_& m);    // raster.cpp
 
@@ -289,7 +289,7 @@ NB_MODULE(core, m) {
         .def("nearest", &Solver::nearest, "sources"_a, "most"_a, "threads"_a)
         .def("windows", &Solver::windows, "source"_a, "radius"_a);
     bind_copy_icp(m);
-    bind_closest(m);
+    bind_icp(m);
     bind_fpfh(m);
     bind_raster(m);
 }

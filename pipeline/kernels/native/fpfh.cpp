@@ -11,6 +11,7 @@
 
 #include "bridge.hpp"
 #include "cell_grid.hpp"
+#include "triangle.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -20,17 +21,13 @@ namespace {
 using cusp::CellGrid;
 using cusp::In2;
 using cusp::Out2;
-using Vec = std::array<double, 3>;
+using cusp::cross;
+using cusp::dot;
+using cusp::Vec;
 
 constexpr int kBins = 11, kWidth = 3 * kBins;
 constexpr std::array<int, 3> kDegenerate{kBins / 2, kBins / 2, kBins / 2};  // all angles 0
 constexpr double kTotal = 100.0;  // the bins of one angle sum to this (Open3D)
-
-double dot(const Vec& a, const Vec& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-Vec cross(const Vec& a, const Vec& b) {
-    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
 
 // The bin of theta = atan2(y, x): of 11 equal sectors from -pi to pi. Comparing with their borders takes an
 // eighth of the time of an arc tangent.

@@ -12,9 +12,9 @@
 #include <numeric>
 #include <vector>
 
-namespace cusp {
+#include "motion.hpp"
 
-using Point = std::array<double, 3>;
+namespace cusp {
 
 inline double distance_sq(const Point& a, const Point& b) {
     const double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
@@ -50,6 +50,18 @@ class PointTree {
         search(0, x, outside, result);
         return result;
     }
+
+    // Slot of the nearest point whose squared distance is below `limit_sq`, -1 if there is none; among equally
+    // near ones that with the smallest number. guess : a slot that is likely near, or -1
+    int32_t nearest_within(const Point& x, int32_t guess, double limit_sq) const {
+        First result{-1, limit_sq};
+        if (guess >= 0) consider_first(guess, x, result);
+        Point outside{0, 0, 0};
+        if (!points_.empty()) search_first(0, x, outside, result);
+        return result.slot;
+    }
+
+    int32_t number(int32_t slot) const { return number_[slot]; }
 
    private:
     static constexpr int32_t kLeaf = 8;  // points of a leaf, at most; affects only the time
@@ -111,6 +123,34 @@ class PointTree {
         if (outside[0] * outside[0] + outside[1] * outside[1] + outside[2] * outside[2] <= result.second_sq)
             search(is_below ? at.last : at.first, x, outside, result);
         outside[at.axis] = before;
+    }
+
+    struct First {
+        int32_t slot;
+        double distance_sq;
+    };
+
+    void search_first(int32_t node, const Point& x, Point& outside, First& result) const {
+        const Node& at = nodes_[node];
+        if (at.axis < 0) {
+            for (int32_t slot = at.first; slot < at.last; ++slot) consider_first(slot, x, result);
+            return;
+        }
+        const double above_low = x[at.axis] - at.low, below_high = at.high - x[at.axis];
+        const bool is_below = above_low < below_high;
+        search_first(is_below ? at.first : at.last, x, outside, result);
+        const double before = outside[at.axis];
+        outside[at.axis] = std::max(before, is_below ? below_high : above_low);
+        if (outside[0] * outside[0] + outside[1] * outside[1] + outside[2] * outside[2] <= result.distance_sq)
+            search_first(is_below ? at.last : at.first, x, outside, result);
+        outside[at.axis] = before;
+    }
+
+    void consider_first(int32_t slot, const Point& x, First& result) const {
+        const double d_sq = distance_sq(x, points_[slot]);
+        if (d_sq < result.distance_sq ||
+            (d_sq == result.distance_sq && result.slot >= 0 && number_[slot] < number_[result.slot]))
+            result = {slot, d_sq};
     }
 
     void consider(int32_t slot, double d_sq, Nearest& result) const {

@@ -1,6 +1,7 @@
 """Closest points and signs against closed forms."""
 
 import numpy as np
+import open3d as o3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,8 +62,9 @@ TRIANGLE_AND_POINT = st.lists(st.floats(-3, 3), min_size=12, max_size=12)
 
 def closest(point: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of one triangle (3, 3): the closest point, its weights, the distance."""
-    faces, face = np.array([[0, 1, 2]], dtype=np.int32), np.zeros(len(point), dtype=np.int64)
-    return core.closest_on_faces(point, np.ascontiguousarray(corners), faces, face, 1)
+    target = core.SurfaceTarget(np.ascontiguousarray(corners), np.array([[0, 1, 2]], dtype=np.int32))
+    found, _, weights, distance = target.closest(point, 1)
+    return found, weights, distance
 
 
 @given(TRIANGLE_AND_POINT)
@@ -92,17 +94,38 @@ def test_closest_point_is_the_same_by_two_routes(numbers: list[float]) -> None:
 
 def test_threads_change_no_bit() -> None:
     blob = shapes.bumpy_blob(4)
-    rng = np.random.default_rng(2)
-    points, face = rng.normal(size=(20_000, 3)) * 12, rng.integers(0, len(blob.faces), 20_000)
-    one, three = (
-        core.closest_on_faces(points, blob.vertices, blob.faces, face, threads) for threads in (1, 3)
-    )
-    for a, b in zip(one, three, strict=True):
+    points = np.random.default_rng(2).normal(size=(20_000, 3)) * 12
+    target = core.SurfaceTarget(blob.vertices, blob.faces)
+    for a, b in zip(target.closest(points, 1), target.closest(points, 3), strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_face_that_is_none_is_refused() -> None:
+def test_no_triangle_is_nearer_and_of_equal_ones_the_first_is_found() -> None:
+    """Against every triangle, on a box whose edges and corners make ties, in any order of the points."""
+    box = shapes.box((10.0, 6.0, 4.0), levels=2)
+    rng = np.random.default_rng(3)
+    points = np.concatenate([rng.uniform(-3, 13, (200, 3)), box.vertices, box.vertices[:40] * 1.1])
+    found = Surface(box).closest(points)
+    distance_sq = np.empty((len(points), len(box.faces)))
+    for face, corners in enumerate(box.vertices[box.faces]):
+        distance_sq[:, face] = closest(points, corners)[2] ** 2
+    np.testing.assert_allclose(found.distance**2, distance_sq.min(axis=1), rtol=1e-12, atol=1e-24)
+    assert (distance_sq[np.arange(len(points)), found.face] <= distance_sq.min(axis=1) * (1 + 1e-12)).all()
+    order = rng.permutation(len(points))
+    np.testing.assert_array_equal(Surface(box).closest(points[order]).face, found.face[order])
+
+
+def test_distances_are_those_of_embree() -> None:
+    blob = shapes.bumpy_blob(4)
+    points = np.random.default_rng(4).normal(size=(5000, 3)) * 12
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor(blob.vertices.astype(np.float32)), o3d.core.Tensor(blob.faces.astype(np.uint32))
+    )
+    expected = scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
+    np.testing.assert_allclose(Surface(blob).closest(points).distance, expected, atol=2e-5)
+
+
+def test_a_corner_that_is_none_is_refused() -> None:
     with pytest.raises(IndexError, match="face out of range"):
-        core.closest_on_faces(
-            np.zeros((1, 3)), np.eye(3), np.array([[0, 1, 2]], dtype=np.int32), np.array([1]), 1
-        )
+        core.SurfaceTarget(np.eye(3), np.array([[0, 1, 3]], dtype=np.int32))

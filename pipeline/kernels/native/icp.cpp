@@ -1,0 +1,311 @@
+// Point-to-plane ICP from many start poses, to samples and to the exact surface; see kernels/icp.py and
+// kernels/surface.py. Poses run on threads; all sums of one pose run on one thread, in the order of the points.
+#include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "bridge.hpp"
+#include "plane_step.hpp"
+#include "point_tree.hpp"
+#include "surface_tree.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using cusp::Correspondence;
+using cusp::In1;
+using cusp::In2;
+using cusp::Matrices;
+using cusp::matrices;
+using cusp::Motion;
+using cusp::Out1;
+using cusp::Out2;
+using cusp::OutMatrices;
+using cusp::Point;
+using cusp::PointTree;
+using cusp::rows_of_three;
+using cusp::SurfacePoint;
+using cusp::SurfaceTree;
+using cusp::to_numpy;
+using cusp::Vec;
+
+Point row(const In2<double>& rows, int64_t i) {
+    const double* p = rows.data() + 3 * i;
+    return {p[0], p[1], p[2]};
+}
+
+void check_rows(const In2<double>& rows, size_t count, const char* what) {
+    if (rows.shape(1) != 3 || rows.shape(0) != count) throw std::invalid_argument(what);
+}
+
+// Which correspondences count, and how a step is damped.
+struct Rules {
+    double max_distance, min_agreement, damping;
+};
+
+class SampleTarget {
+   public:
+    SampleTarget(const In2<double>& points, const In2<double>& normals)
+        : tree_(points.data(), static_cast<int32_t>(points.shape(0))) {
+        check_rows(points, points.shape(0), "points must be (k, 3)");
+        check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
+        for (int32_t slot = 0; slot < tree_.size(); ++slot) normals_.push_back(row(normals, tree_.number(slot)));
+    }
+
+    // A fixed number of steps from every pose: T (h, 4, 4), and the mean squared residual (h,), truncated at
+    // the largest distance.
+    std::tuple<OutMatrices, Out1<double>> refine(const In2<double>& points, const In2<double>& normals,
+                                                 const Matrices& T, const In1<double>& normal_sign,
+                                                 double max_distance, double min_agreement, double damping,
+                                                 int iterations, int threads) const {
+        check_rows(points, points.shape(0), "points must be (k, 3)");
+        check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
+        const auto poses = static_cast<int64_t>(T.shape(0));
+        if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
+        const Rules rules{max_distance, min_agreement, damping};
+        std::vector<double> refined(16 * poses), cost(poses);
+        {
+            const nb::gil_scoped_release no_gil;
+            std::vector<std::vector<Correspondence>> pairs(std::max(1, threads));
+            std::vector<std::vector<int32_t>> slots(std::max(1, threads));
+            cusp::for_each(
+                poses, threads, {},
+                [&](int worker, int64_t pose) {
+                    Motion motion = Motion::of(T.data() + 16 * pose);
+                    slots[worker].assign(points.shape(0), -1);
+                    for (int k = 0; k < iterations; ++k) {
+                        match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker], pairs[worker]);
+                        motion = plane_step(pairs[worker], damping).after(motion);
+                    }
+                    match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker], pairs[worker]);
+                    cost[pose] = mean_cost(pairs[worker], max_distance);
+                    motion.write(refined.data() + 16 * pose);
+                },
+                1);
+        }
+        return {matrices(std::move(refined)), to_numpy(std::move(cost))};
+    }
+
+   private:
+    void match(const In2<double>& points, const In2<double>& normals, const Motion& motion, double sign,
+               const Rules& rules, std::vector<int32_t>& slots, std::vector<Correspondence>& pairs) const {
+        const auto count = static_cast<int64_t>(points.shape(0));
+        pairs.resize(count);
+        for (int64_t i = 0; i < count; ++i) {
+            const Point moved = motion(row(points, i));
+            const int32_t slot = tree_.nearest_within(moved, slots[i], rules.max_distance * rules.max_distance);
+            pairs[i] = {moved, moved, {}, 0};
+            if (slot < 0) continue;
+            slots[i] = slot;
+            const Vec turned = cusp::rotated(motion.R, row(normals, i));
+            pairs[i].q = tree_.point(slot);
+            pairs[i].n = normals_[slot];
+            pairs[i].w = sign * cusp::dot(turned, normals_[slot]) > rules.min_agreement;
+        }
+    }
+
+    static double mean_cost(const std::vector<Correspondence>& pairs, double max_distance) {
+        const double most = max_distance * max_distance;
+        double sum = 0;
+        for (const auto& each : pairs) {
+            const double residual = cusp::dot(each.n, cusp::minus(each.q.data(), each.p.data()));
+            sum += each.w > 0 ? std::min(residual * residual, most) : most;
+        }
+        return sum / static_cast<double>(pairs.size());
+    }
+
+    PointTree tree_;
+    std::vector<Vec> normals_;  // by slot
+};
+
+// Mean squared distance (h,) of the points under each pose to the sample of their cell, truncated; see
+// kernels/nearest_grid.py. nearest : the sample of each cell, the number of samples where there is none
+Out1<double> grid_costs(const In1<int64_t>& nearest, const In2<double>& samples, const In2<double>& sample_normals,
+                        const In1<double>& low, double cell, const In1<int64_t>& shape, const Matrices& T,
+                        const In1<double>& normal_sign, const In2<double>& points, const In2<double>& normals,
+                        double max_distance, double min_agreement, int threads) {
+    check_rows(samples, samples.shape(0), "samples must be (k, 3)");
+    check_rows(sample_normals, samples.shape(0), "normals must be (k, 3), as the samples");
+    check_rows(points, points.shape(0), "points must be (k, 3)");
+    check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
+    if (low.shape(0) != 3 || shape.shape(0) != 3 || normal_sign.shape(0) != T.shape(0) ||
+        static_cast<int64_t>(nearest.shape(0)) != shape.data()[0] * shape.data()[1] * shape.data()[2])
+        throw std::invalid_argument("a grid of three axes, one sample a cell, one normal sign a pose");
+    const auto poses = static_cast<int64_t>(T.shape(0)), count = static_cast<int64_t>(points.shape(0));
+    const auto no_sample = static_cast<int64_t>(samples.shape(0));
+    const double most = max_distance * max_distance;
+    std::vector<double> cost(poses);
+    {
+        const nb::gil_scoped_release no_gil;
+        cusp::for_each(poses, threads, {}, [&](int, int64_t pose) {
+            const Motion motion = Motion::of(T.data() + 16 * pose);
+            double sum = 0;
+            for (int64_t i = 0; i < count; ++i) {
+                const Point moved = motion(row(points, i));
+                int64_t cell_number = 0;
+                bool inside = true;
+                for (int axis = 0; axis < 3; ++axis) {
+                    const double at = std::floor((moved[axis] - low.data()[axis]) / cell);
+                    inside = inside && at >= 0 && at < static_cast<double>(shape.data()[axis]);
+                    cell_number = cell_number * shape.data()[axis] + (inside ? static_cast<int64_t>(at) : 0);
+                }
+                double squared = most;
+                const int64_t sample = inside ? nearest.data()[cell_number] : no_sample;
+                if (sample >= 0 && sample < no_sample) {
+                    const Vec turned = cusp::rotated(motion.R, row(normals, i));
+                    const Vec by = cusp::minus(moved.data(), samples.data() + 3 * sample);
+                    const double* n = sample_normals.data() + 3 * sample;
+                    if (normal_sign.data()[pose] * (turned[0] * n[0] + turned[1] * n[1] + turned[2] * n[2]) > min_agreement)
+                        squared = std::min(cusp::dot(by, by), most);
+                }
+                sum += squared;
+            }
+            cost[pose] = sum / static_cast<double>(count);
+        });
+    }
+    return to_numpy(std::move(cost));
+}
+
+class SurfaceTarget {
+   public:
+    SurfaceTarget(const In2<double>& vertices, const In2<int32_t>& faces)
+        : tree_(checked(vertices, faces), faces.data(), static_cast<int32_t>(faces.shape(0))) {}
+
+    // The closest point of the surface (k, 3), its face (k,), its barycentric weights (k, 3), the distance (k,).
+    std::tuple<Out2<double>, Out1<int64_t>, Out2<double>, Out1<double>> closest(const In2<double>& points,
+                                                                                int threads) const {
+        check_rows(points, points.shape(0), "points must be (k, 3)");
+        const auto count = static_cast<int64_t>(points.shape(0));
+        std::vector<double> point(3 * count), weights(3 * count), distance(count);
+        std::vector<int64_t> face(count);
+        {
+            const nb::gil_scoped_release no_gil;
+            in_blocks(count, threads, [&](int64_t first, int64_t last) {
+                int32_t guess = -1;  // the last point's face: points come in an order that keeps together
+                for (int64_t i = first; i < last; ++i) {
+                    const SurfacePoint found = tree_.closest(points.data() + 3 * i, guess);
+                    guess = found.face;
+                    face[i] = found.face;
+                    distance[i] = std::sqrt(found.distance_sq);
+                    std::copy(found.point.begin(), found.point.end(), point.begin() + 3 * i);
+                    std::copy(found.weights.begin(), found.weights.end(), weights.begin() + 3 * i);
+                }
+            });
+        }
+        return {rows_of_three(std::move(point)), to_numpy(std::move(face)), rows_of_three(std::move(weights)),
+                to_numpy(std::move(distance))};
+    }
+
+    // ICP to convergence from every pose: T (h, 4, 4), converged (h,) 0 or 1, iterations (h,).
+    std::tuple<OutMatrices, Out1<uint8_t>, Out1<int32_t>> refine(
+        const In2<double>& points, const std::optional<In2<double>>& normals, const In1<double>& weights,
+        const Matrices& T, const In1<double>& normal_sign, double max_distance, double start_factor,
+        double decay, double min_agreement, double damping, int min_pairs, int iterations, double tolerance,
+        int threads) const {
+        check_rows(points, weights.shape(0), "points must be (k, 3), one weight each");
+        if (normals) check_rows(*normals, points.shape(0), "normals must be (k, 3), as the points");
+        if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
+        const auto poses = static_cast<int64_t>(T.shape(0)), count = static_cast<int64_t>(points.shape(0));
+        std::vector<double> refined(16 * poses);
+        std::vector<uint8_t> converged(poses, 0);
+        std::vector<int32_t> steps(poses, 0);
+        // One pose uses all threads for its points, several poses one each: the same result.
+        const int inner = poses == 1 ? threads : 1;
+        const auto work = [&](int, int64_t pose) {
+            Motion motion = Motion::of(T.data() + 16 * pose);
+            std::vector<Correspondence> pairs(count);
+            std::vector<int32_t> faces(count, -1);
+            double allowed = start_factor * max_distance;
+            for (int k = 1; k <= iterations && !converged[pose]; ++k) {
+                steps[pose] = k;
+                in_blocks(count, inner, [&](int64_t first, int64_t last) {
+                    for (int64_t i = first; i < last; ++i) {
+                        const Point moved = motion(row(points, i));
+                        const SurfacePoint found = tree_.closest(moved.data(), faces[i]);
+                        faces[i] = found.face;
+                        const Vec n = tree_.normal(found.face);
+                        double w = std::sqrt(found.distance_sq) <= allowed ? weights.data()[i] : 0;
+                        if (normals && !(normal_sign.data()[pose] *
+                                             cusp::dot(cusp::rotated(motion.R, row(*normals, i)), n) >
+                                         min_agreement))
+                            w = 0;
+                        pairs[i] = {moved, found.point, n, w};
+                    }
+                });
+                if (std::count_if(pairs.begin(), pairs.end(), [](const auto& each) { return each.w > 0; }) < min_pairs)
+                    break;
+                const Motion step = plane_step(pairs, damping);
+                motion = step.after(motion);
+                converged[pose] = allowed == max_distance && rms_moved(pairs, step) < tolerance;
+                allowed = std::max(max_distance, decay * allowed);
+            }
+            motion.write(refined.data() + 16 * pose);
+        };
+        {
+            const nb::gil_scoped_release no_gil;
+            if (poses == 1) {
+                work(0, 0);
+            } else {
+                cusp::for_each(poses, threads, {}, work, 1);
+            }
+        }
+        return {matrices(std::move(refined)), to_numpy(std::move(converged)), to_numpy(std::move(steps))};
+    }
+
+   private:
+    static const double* checked(const In2<double>& vertices, const In2<int32_t>& faces) {
+        if (vertices.shape(1) != 3 || faces.shape(1) != 3)
+            throw std::invalid_argument("vertices and faces must have three columns");
+        const auto n = static_cast<int32_t>(vertices.shape(0));
+        for (size_t k = 0; k < 3 * faces.shape(0); ++k)
+            if (faces.data()[k] < 0 || faces.data()[k] >= n) throw std::out_of_range("face out of range");
+        return vertices.data();
+    }
+
+    // work(first, last) for blocks of [0, count)
+    template <class Work>
+    static void in_blocks(int64_t count, int threads, Work&& work) {
+        constexpr int64_t kBlock = 512;  // affects only the time
+        const int64_t blocks = (count + kBlock - 1) / kBlock;
+        if (threads <= 1 || blocks <= 1) {
+            work(0, count);
+            return;
+        }
+        cusp::for_each(
+            blocks, threads, {},
+            [&](int, int64_t block) { work(block * kBlock, std::min(count, (block + 1) * kBlock)); }, 1);
+    }
+
+    static double rms_moved(const std::vector<Correspondence>& pairs, const Motion& step) {
+        double sum = 0;
+        for (const auto& each : pairs) {
+            const Vec by = cusp::minus(step(each.p).data(), each.p.data());
+            sum += cusp::dot(by, by);
+        }
+        return std::sqrt(sum / static_cast<double>(pairs.size()));
+    }
+
+    SurfaceTree tree_;
+};
+
+}  // namespace
+
+void bind_icp(nb::module_& m) {
+    m.def("grid_costs", &grid_costs, "nearest"_a, "samples"_a, "sample_normals"_a, "low"_a, "cell"_a, "shape"_a,
+          "T"_a, "normal_sign"_a, "points"_a, "normals"_a, "max_distance"_a, "min_agreement"_a, "threads"_a);
+    nb::class_<SampleTarget>(m, "SampleTarget")
+        .def(nb::init<const In2<double>&, const In2<double>&>(), "points"_a, "normals"_a)
+        .def("refine", &SampleTarget::refine, "points"_a, "normals"_a, "T"_a, "normal_sign"_a, "max_distance"_a,
+             "min_agreement"_a, "damping"_a, "iterations"_a, "threads"_a);
+    nb::class_<SurfaceTarget>(m, "SurfaceTarget")
+        .def(nb::init<const In2<double>&, const In2<int32_t>&>(), "vertices"_a, "faces"_a)
+        .def("closest", &SurfaceTarget::closest, "points"_a, "threads"_a)
+        .def("refine", &SurfaceTarget::refine, "points"_a, "normals"_a.none(), "weights"_a, "T"_a,
+             "normal_sign"_a, "max_distance"_a, "start_factor"_a, "decay"_a, "min_agreement"_a, "damping"_a,
+             "min_pairs"_a, "iterations"_a, "tolerance"_a, "threads"_a);
+}

@@ -1,0 +1,95 @@
+"""ICP: the native loops against the same steps in numpy, known motions, and threads."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from pipeline.core.mesh import FloatArray
+from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.surface import Surface
+from tests.support import shapes
+
+MAX_MM = 2.0
+
+
+def step(moved: FloatArray, closest: FloatArray, normals: FloatArray, weights: FloatArray) -> FloatArray:
+    """(4, 4) one Gauss-Newton step of point to plane, by least squares on the rows themselves."""
+    centre = weights @ moved / weights.sum()
+    J = np.column_stack([np.cross(moved - centre, normals), normals]) * np.sqrt(weights)[:, None]
+    residual = np.einsum("kd,kd->k", normals, closest - moved) * np.sqrt(weights)
+    T = rigid.from_vector(np.linalg.lstsq(J, residual)[0][None])[0]
+    return rigid.compose(np.eye(3), centre) @ T @ rigid.compose(np.eye(3), -centre)
+
+
+def start(seed: int) -> FloatArray:
+    """A small motion about the blob."""
+    rng = np.random.default_rng(seed)
+    return rigid.from_vector(np.concatenate([rng.normal(0, 0.04, 3), rng.normal(0, 0.3, 3)])[None])[0]
+
+
+def test_steps_to_samples_are_those_of_numpy() -> None:
+    blob = shapes.bumpy_blob(4)
+    target, source = sampling.on_surface(blob, 3000, 0), sampling.on_surface(blob, 400, 1)
+    T = np.array([start(seed) for seed in range(4)])
+    sign = np.array([1.0, 1.0, -1.0, 1.0])
+    found, cost = icp.Target(target.points, target.normals).refine_many(
+        source.points, source.normals, T, sign, max_distance_mm=MAX_MM, iterations=3
+    )
+    tree = cKDTree(target.points)
+    for pose in (0, 1, 3):
+        expected = T[pose]
+        for _ in range(3):
+            moved = rigid.transformed(expected, source.points)
+            distance, index = tree.query(moved)
+            agree = (source.normals @ expected[:3, :3].T * target.normals[index]).sum(axis=1) > 0.5
+            weights = ((distance < MAX_MM) & agree).astype(np.float64)
+            expected = step(moved, target.points[index], target.normals[index], weights) @ expected
+        np.testing.assert_allclose(found[pose], expected, atol=1e-6)
+        assert cost[pose] < 0.1
+    np.testing.assert_array_equal(found[2], T[2])  # flipped normals agree with none: nothing moves it
+    assert cost[2] == MAX_MM**2
+
+
+@pytest.mark.parametrize("with_normals", [True, False])
+def test_a_known_motion_is_recovered_on_the_surface(with_normals: bool) -> None:
+    blob = shapes.bumpy_blob(4)
+    samples = sampling.on_surface(blob, 1500, 1)
+    weights = np.full(len(samples.points), 1 / len(samples.points))
+    T = np.array([start(seed) for seed in range(3)])
+    for refined in icp.refine_all(
+        *(samples.points, samples.normals if with_normals else None, weights, Surface(blob), T, np.ones(3)),
+        max_distance_mm=MAX_MM,
+        max_iterations=60,
+        tolerance_mm=1e-9,
+    ):
+        assert refined.converged
+        np.testing.assert_allclose(refined.T_target_source, np.eye(4), atol=1e-6)
+
+
+def test_one_pose_and_many_give_the_same_bits() -> None:
+    """One pose spreads its points over the threads, many poses one thread each."""
+    blob = shapes.bumpy_blob(4)
+    samples = sampling.on_surface(blob, 3000, 1)
+    weights, surface = np.full(3000, 1 / 3000), Surface(blob)
+    T = np.array([start(seed) for seed in range(3)])
+    limits = {"max_distance_mm": MAX_MM, "max_iterations": 7, "tolerance_mm": 1e-12}
+    many = icp.refine_all(samples.points, samples.normals, weights, surface, T, np.ones(3), **limits)
+    for pose, refined in zip(T, many, strict=True):
+        alone = icp.refine(samples.points, samples.normals, weights, surface, pose, **limits)
+        np.testing.assert_array_equal(alone.T_target_source, refined.T_target_source)
+        assert (alone.converged, alone.iterations) == (refined.converged, refined.iterations)
+
+
+def test_a_free_motion_stays_zero_and_too_few_pairs_move_nothing() -> None:
+    plane = shapes.grid_plane(21, 21)
+    samples = sampling.on_surface(plane, 500, 0)
+    lifted = rigid.compose(np.eye(3), np.array([0.3, 0.2, 0.5]))
+    weights = np.full(500, 1 / 500)
+    limits = {"max_distance_mm": MAX_MM, "max_iterations": 20, "tolerance_mm": 1e-9}
+    found = icp.refine(samples.points, samples.normals, weights, Surface(plane), lifted, **limits)
+    assert found.converged
+    np.testing.assert_allclose(found.T_target_source[:3, 3], [0.3, 0.2, 0.0], atol=1e-5)
+    far = rigid.compose(np.eye(3), np.array([0.0, 0.0, 100.0]))
+    refused = icp.refine(samples.points, samples.normals, weights, Surface(plane), far, **limits)
+    assert (refused.converged, refused.iterations) == (False, 1)
+    np.testing.assert_array_equal(refused.T_target_source, far)
