@@ -23,6 +23,9 @@ MIN_VERTICES = 500
 #: A surface with more than this many times the requested triangles is decimated before remeshing, which would
 #: otherwise be slow. Chosen by hand; not fitted.
 DECIMATE_ABOVE = 8
+#: Edges of the working mesh of a noisy scan are at most this share shorter than asked for (median). From the
+#: requirement that a scan's noise costs no time.
+EDGE_TOLERANCE = 0.2
 #: Neighbours for estimating the normals of a point cloud, and for orienting them. Chosen by hand; not fitted.
 NORMAL_NEIGHBOURS, ORIENTATION_NEIGHBOURS = 20, 15
 #: Min and max octree depth of the Poisson reconstruction. Chosen by hand; limits time and memory.
@@ -73,32 +76,54 @@ def resample(
     if not settings.enabled and not mesh.is_cloud:
         return Resampled(mesh, None if fine_edge_mm is None else mesh, edge_mm, np.arange(len(mesh.vertices)))
     surface = surface_of_cloud(mesh.vertices, name, edge_mm) if mesh.is_cloud else mesh
-    area = float(surface.face_areas_mm2().sum())
-    # A scan far smaller than its design (in another unit, a splinter) keeps enough vertices to be looked at.
-    longer = min(1.0, working_edge_mm(area, MIN_VERTICES) / edge_mm)
-    longer = max(
-        longer, working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices)) / edge_mm
-    )
-    fine = light = None
-    finest_mm = longer * (edge_mm if fine_edge_mm is None else min(edge_mm, fine_edge_mm))
-    if len(surface.faces) > remesh.MANY_FACES >= DECIMATE_ABOVE * _faces(area, finest_mm):
+    light = None
+    noisy = remesh.is_noisy(surface)
+    finest_mm = _allowed_edge_mm(surface, edge_mm, settings)
+    finest_mm *= min(1.0, (fine_edge_mm or edge_mm) / edge_mm)
+    # Noise adds to the area, so of a noisy surface the number of triangles asked for is taken.
+    wanted = 2 * settings.target_vertices if noisy else _faces(_area_mm2(surface), finest_mm)
+    if len(surface.faces) > remesh.MANY_FACES >= DECIMATE_ABOVE * wanted:
         surface = light = remesh.decimated(
             surface, remesh.MANY_FACES // 2
         )  # the slow step: pictures share it
+    if noisy:
+        surface = remesh.denoised(surface)
+    area = _area_mm2(surface)  # without the noise, which adds to it
+    longer = _allowed_edge_mm(surface, edge_mm, settings) / edge_mm
+    fine = None
     if fine_edge_mm is not None:
-        fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings)
+        fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings, noisy)
         if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
             surface = fine  # near enough for the coarser one, and remeshed in half the time
-    working = _remeshed(surface, area, name, longer * edge_mm, settings)
+    working = _remeshed(surface, area, name, longer * edge_mm, settings, noisy)
     return Resampled(working, fine, longer * edge_mm, nearest_vertices(working, mesh.vertices), light)
 
 
-def _remeshed(surface: Mesh, area_mm2: float, name: str, edge_mm: float, settings: ResampleSettings) -> Mesh:
+def _allowed_edge_mm(surface: Mesh, edge_mm: float, settings: ResampleSettings) -> float:
+    """`edge_mm`, or the nearest to it at which the working mesh has neither too few nor too many vertices."""
+    area = _area_mm2(surface)
+    # A scan far smaller than its design (in another unit, a splinter) keeps enough vertices to be looked at.
+    shortest = working_edge_mm(area, int(settings.max_scan_ratio * settings.target_vertices))
+    return max(min(edge_mm, working_edge_mm(area, MIN_VERTICES)), shortest)
+
+
+def _area_mm2(surface: Mesh) -> float:
+    return float(surface.face_areas_mm2().sum())
+
+
+def _remeshed(
+    surface: Mesh, area_mm2: float, name: str, edge_mm: float, settings: ResampleSettings, noisy: bool
+) -> Mesh:
+    """noisy : the surface was; where what is left of the noise still makes creases, none is kept"""
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
         surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted))
     try:
         remeshed = remesh.isotropic(surface, edge_mm, settings.iterations)
+        too_fine = (1 - EDGE_TOLERANCE) * edge_mm
+        if noisy and len(remeshed.faces) and remesh.median_edge_mm(remeshed) < too_fine:
+            without = remesh.NO_CREASE_DEG
+            remeshed = remesh.isotropic(surface, edge_mm, settings.iterations, crease_deg=without)
     except remesh.PyMeshLabException as error:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
     if len(remeshed.faces) == 0:

@@ -36,7 +36,7 @@ from pipeline.core.timing import silent
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case, evidence, probability
 from pipeline.verification.verdict import judge
-from tests.accuracy import gauntlet_cases, gauntlet_error, gauntlet_specs, gauntlet_tables
+from tests.accuracy import gauntlet_cases, gauntlet_error, gauntlet_rows, gauntlet_specs
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_specs import Condition, Spec
 from tests.support.designs import design_of
@@ -192,8 +192,8 @@ def main() -> None:
     if args.judge:
         lines = [
             row
-            for row in gauntlet_tables.read_rows(args.judge).values()
-            if row.tool == gauntlet_tables.CUSP and row.confidence
+            for row in gauntlet_rows.read_rows(args.judge).values()
+            if row.tool == gauntlet_rows.CUSP and row.confidence
         ]
         said = np.array([row.confidence for row in lines])
         right = np.array([bool(row.right) and not row.at_rival for row in lines], dtype=np.float64)

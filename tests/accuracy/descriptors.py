@@ -32,7 +32,7 @@ from pipeline.kernels.nearest import k_nearest, nearest
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import LandmarkSet, landmarks
 from tests.accuracy.bench import read
-from tests.accuracy.gauntlet_cases import printed
+from tests.accuracy.gauntlet_scans import printed
 from tests.accuracy.gauntlet_specs import CONDITIONS
 from tests.accuracy.landmarks import HELD_OUT, TUNED_ON
 from tests.conftest import data_folder

@@ -15,14 +15,13 @@ scan's centroids under the two, in % of the diagonal.
 
 import argparse
 import hashlib
-import json
 import os
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
@@ -35,8 +34,9 @@ from tests.accuracy import gauntlet_cases, gauntlet_specs, peers
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Case
 from tests.accuracy.gauntlet_error import PoseError, error
+from tests.accuracy.gauntlet_rows import CUSP, Log, Row
 from tests.accuracy.gauntlet_specs import Spec
-from tests.accuracy.gauntlet_tables import CUSP, WIDTH, Row, print_tables, read_rows, table
+from tests.accuracy.gauntlet_tables import WIDTH, print_tables, table
 
 UNIT_ERROR = 0.02
 MEMORY_OF = (
@@ -161,28 +161,6 @@ def peak_mb(spec: Spec) -> Row:
     status = Path("/proc/self/status").read_text()
     line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
     return _with(row, tool="memory", peak_mb=int(line.split()[1]) / 1024)
-
-
-@dataclass(slots=True)
-class Log:
-    """The lines of `--out`: what is in it, and what is added."""
-
-    path: Path | None
-    rows: dict[tuple[str, str], Row] = field(default_factory=dict)  # by case and tool
-
-    def __post_init__(self) -> None:
-        if self.path is not None and self.path.exists():
-            self.rows = read_rows(self.path)
-
-    def done(self) -> set[tuple[str, str]]:
-        return {key for key, row in self.rows.items() if row.status not in {"not built", "crashed"}}
-
-    def add(self, rows: Iterable[Row]) -> None:
-        for row in rows:
-            self.rows[row.case, row.tool] = row
-            if self.path is not None:
-                with self.path.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(asdict(row)) + "\n")
 
 
 def run(

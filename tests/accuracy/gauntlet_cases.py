@@ -1,50 +1,39 @@
 """The cases of the gauntlet, each made afresh from its `Spec` = (group, shape, condition, seed), the same
-every time. Longer than other files, since it says of each kind of case which answers are right, and why.
-
-A scan is another triangulation of the part (6,000 to 11,000 vertices, by the seed), in a random pose, with
-noise along its normals (Gaussian) and a smooth warp (one sine wave an axis, about one a diagonal), and for a
-crop with what lies on one side of a random plane cut off. Every share is of the design's diagonal.
+every time; the scans are made by `gauntlet_scans.py`. Every share is of the design's diagonal.
 
 Which answers are right
 -----------------------
 - A part whose pose is unique: its pose, `ok`.
 - Exact symmetries of the design (`symmetries.py`, shares of the diagonal it leaves: rms <= 0.025 %, max <=
-  0.3 %):
-  every image of the pose is as right, cropped or not, as no measurement of the design can tell them apart.
-  `ok`, and one alternative at least flagged `symmetry_of_design`. Found: tensile_blank D4 (8 poses),
+  0.3 %): every image of the pose is as right, cropped or not, as no measurement of the design can tell them
+  apart. `ok`, and one alternative at least flagged `symmetry_of_design`. Found: tensile_blank D4 (8 poses),
   ring_fixed_top D6 (12, up to its triangulation, 0.02 %), lattice_cone C10 (10, the same, 0.014 %), pendulum
   and separator C2 (2), square_peg D4 (8), the ring by formula C8 (8). As 0.02 % is not zero, `ambiguous` is
   no fault on the two marked so, nor on the featureless bar.
 - Nearly symmetric: only the true pose is right; another one may leave so little that `ambiguous` is the
-  better word.
-  What it leaves is measured for each case, without noise, over the part of the design that the scan still
-  shows: at most 1.5 times the warp (0.15 % at least): `ok` and `ambiguous` are both right; at most 0.03 %:
-  only `ambiguous` is, and the rival counts as found (`Case.rivals`), but not as `ok`. Near maps of whole
-  parts: plate_holes 0.028 % (half a turn; max 0.9 %, its other turns over 0.12 %), so101_mounting_plate 0.09
-  % (half a turn; max 1.4 %), nist_am_artifact 0.6 % and more (every turn of the square), quality_nut 1.1 %
-  (its turns by 60 degrees too are no symmetries), so101_upper_arm 1.3 %; every other shape 1.6 % and more,
+  better word. What it leaves is measured for each case, without noise, over the part of the design that the
+  scan still shows: at most 1.5 times the warp (0.15 % at least): `ok` and `ambiguous` are both right; at most
+  0.03 %: only `ambiguous` is, and the rival counts as found (`Case.rivals`), but not as `ok`. Near maps of
+  whole parts: plate_holes 0.028 % (half a turn; max 0.9 %, its other turns over 0.12 %), so101_mounting_plate
+  0.09 % (half a turn; max 1.4 %), nist_am_artifact 0.6 % and more (every turn of the square), quality_nut 1.1
+  % (its turns by 60 degrees too are no symmetries), so101_upper_arm 1.3 %; every other shape 1.6 % and more,
   the organic ones over so much of their surface that no crop hides it, so only the CAD parts (`MAY_REPEAT`)
   are examined.
 - A crop may leave too little to hold the part. `ok` and `under_constrained` are both right when moving the
-  scan by the
-  tolerance changes its distances by less than the noise, or a third of the warp. When the surfaces
-  themselves, by ICP from the truth, pull the scan farther from it than the tolerance (`Case.drift`), no pose
-  can be right: `under_constrained` or `ambiguous`.
+  scan by the tolerance changes its distances by less than the noise, or a third of the warp. When the
+  surfaces themselves, by ICP from the truth, pull the scan farther from it than the tolerance (`Case.drift`),
+  no pose can be right: `under_constrained` or `ambiguous`.
 - Mirrored: only parts whose mirror image leaves 0.3 % and more: fandisk 3.4, molars > 2.8, arch_012C 1.9,
-  foot 1.7,
-  arch_013C 1.5, tooth 1.2, rocker_arm 1.1, arch_022C 0.8, cast 0.7, arch_001C 0.7, arch_h1 0.6,
+  foot 1.7, arch_013C 1.5, tooth 1.2, rocker_arm 1.1, arch_022C 0.8, cast 0.7, arch_001C 0.7, arch_h1 0.6,
   so101_upper_arm 0.33. Left out as their own mirror image: so101_base 0.08 % (max 2.5 %),
   so101_mounting_plate, quality_nut, featuretype 0.1 % (max 2.5 %), nist_am_artifact 0.39 % and fertility 0.34
   % (close to the warp).
 - Rough mirrored: these two, and an arch, with noise and warp above what tells their handedness: `mirrored`,
-  `ambiguous` and
-  `no_match` are right, `ok` is wrong.
+  `ambiguous` and `no_match` are right, `ok` is wrong.
 - Fine pitch: a toothed bar and a ring with teeth, each with one mark that makes its pose unique; a step on,
-  or turned over,
-  they fit nearly as well. What such a pose leaves is measured as for the nearly symmetric.
+  or turned over, they fit nearly as well. What such a pose leaves is measured as for the nearly symmetric.
 - Body of revolution: one pose for each degree of the turn; `under_constrained`. Sphere, plane:
-  `under_constrained` or
-  `no_match`, no pose to compare.
+  `under_constrained` or `no_match`, no pose to compare.
 """
 
 import json
@@ -57,13 +46,11 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.settings import CleanSettings, ResampleSettings
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.surface import Surface
-from pipeline.stages.clean import clean
-from pipeline.stages.resample import resample, working_edge_mm
 from tests.accuracy import symmetries
 from tests.accuracy.bench import read
+from tests.accuracy.gauntlet_scans import Printed, printed
 from tests.accuracy.gauntlet_specs import (
     CONDITIONS,
     DEPTH_CAMERA_TOLERANCE,
@@ -71,7 +58,6 @@ from tests.accuracy.gauntlet_specs import (
     RACK_PITCH_MM,
     RACK_TEETH,
     SYMMETRIC_TO_THE_MESH,
-    Condition,
     Spec,
     design_of,
     mirrored,
@@ -80,9 +66,9 @@ from tests.accuracy.gauntlet_specs import (
 from tests.conftest import data_folder
 from tests.support import shapes
 
-ALL_TOLD = 0.0003  # what another pose leaves below this, no scan can tell
-TELLING = 0.0015  # and above this it must be told, or above 1.5 times the warp
-NOTHING = 0.0005  # a change of the distances that no scan shows
+INDISTINGUISHABLE = 0.0003  # below this, no scan can tell another pose from the true one
+DISTINGUISHABLE = 0.0015  # above this, or 1.5 times the warp, every scan must
+INVISIBLE_CHANGE = 0.0005  # a change of the distances that no scan shows
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,38 +110,6 @@ def build(spec: Spec) -> Case:
     return makers.get(spec.group, _printed)(spec)
 
 
-@dataclass(frozen=True, slots=True)
-class Printed:
-    """scan; T_design_scan; kept : what is left of the part, in place, without noise and warp; in_place :
-    with them
-    """
-
-    scan: Mesh
-    T_design_scan: FloatArray
-    kept: Mesh
-    in_place: Mesh
-
-
-def printed(part: Mesh, size_mm: float, condition: Condition, rng: np.random.Generator) -> Printed:
-    """A scan of a print of `part`; size_mm : what the condition's shares are of."""
-    wanted = int(rng.integers(6_000, 11_000))
-    area = float(part.face_areas_mm2().sum())
-    settings = ResampleSettings(target_vertices=wanted, iterations=4)
-    copy = resample(part, "scan", working_edge_mm(area, wanted), settings).mesh
-    wave = rng.normal(size=(3, 3)) * 1.4 * np.pi / size_mm
-    warp = (
-        np.sin((copy.vertices - copy.vertices.mean(axis=0)) @ wave.T) * condition.warp * size_mm / np.sqrt(3)
-    )
-    noise = rng.normal(0, condition.noise * size_mm, len(copy.vertices))[:, None] * copy.vertex_normals()
-    along = copy.vertices @ rng.normal(size=3)
-    faces = copy.faces[(along >= np.quantile(along, condition.crop))[copy.faces].all(axis=1)]
-    in_place = clean(Mesh(copy.vertices + warp + noise, faces), "scan", CleanSettings()).mesh
-    T_scan_design = shapes.motion(int(rng.integers(2**31)), translation_mm=size_mm)
-    return Printed(
-        in_place.moved(T_scan_design), rigid.inverse(T_scan_design), Mesh(copy.vertices, faces), in_place
-    )
-
-
 def _rng(spec: Spec) -> np.random.Generator:
     words = f"{spec.group}|{spec.shape}|{spec.condition}|{spec.scanned}"
     return np.random.default_rng([spec.seed, zlib.crc32(words.encode())])
@@ -183,12 +137,14 @@ def _printed(spec: Spec) -> Case:
             rigid.rms_displacement(rival.T, T, made.kept.vertices) < 0.02 * design.diagonal_mm for T in exact
         ):
             continue
-        if rival.rms <= max(TELLING, 1.5 * condition.warp):
+        if rival.rms <= max(DISTINGUISHABLE, 1.5 * condition.warp):
             statuses |= {"ambiguous"}
-        if rival.rms <= ALL_TOLD and condition.noise > 0:  # a copy without noise does tell
+        if rival.rms <= INDISTINGUISHABLE and condition.noise > 0:  # a copy without noise does tell
             statuses -= {"ok"}
             rivals.append(rival.T @ made.T_design_scan)
-    if case.tolerance_share * moving_changes(made.kept) < max(condition.noise, condition.warp / 3, NOTHING):
+    if case.tolerance_share * moving_changes(made.kept) < max(
+        condition.noise, condition.warp / 3, INVISIBLE_CHANGE
+    ):
         statuses |= {"under_constrained"}
     drift = symmetries.drift(made.in_place, design)
     if drift > case.tolerance_share:
@@ -211,9 +167,9 @@ def _fine_pitch(spec: Spec) -> Case:
     for T in _steps(spec.shape):
         distance = surface.closest(rigid.transformed(T, samples)).distance
         rms = float(np.sqrt((distance**2).mean())) / design.diagonal_mm
-        if rms <= max(TELLING, 1.5 * condition.warp):
+        if rms <= max(DISTINGUISHABLE, 1.5 * condition.warp):
             statuses |= {"ambiguous"}
-        if rms <= ALL_TOLD and condition.noise > 0:
+        if rms <= INDISTINGUISHABLE and condition.noise > 0:
             statuses -= {"ok"}
             rivals.append(T @ made.T_design_scan)
     return replace(

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.core.mesh import Mesh
 from pipeline.core.settings import ResampleSettings
-from pipeline.kernels import topology
+from pipeline.kernels import remesh, topology
 from pipeline.kernels.surface import Surface
 from pipeline.stages.resample import nearest_vertices, resample, working_edge_mm
 from tests.support import shapes
@@ -63,3 +63,43 @@ def test_values_are_carried_from_the_nearest_surface_point() -> None:
     above = np.array([[5.0, 5.0, 0.7]])
     found = nearest_vertices(box, above)
     assert box.vertices[found[0], 2] == 0.5  # the near side of a thin wall
+
+
+def with_noise(mesh: Mesh, share: float) -> Mesh:
+    """Every vertex moved along its normal, Gaussian, by `share` of the diagonal (one sigma)."""
+    size_mm = share * mesh.diagonal_mm
+    noise_mm = np.random.default_rng(0).normal(0.0, size_mm, (len(mesh.vertices), 1))
+    return Mesh(mesh.vertices + noise_mm * mesh.vertex_normals(), mesh.faces)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.003, 0.005])
+@pytest.mark.parametrize(
+    "shape", ["blob 5k", "blob 82k", "box 49k", pytest.param("blob 328k", marks=pytest.mark.nightly)]
+)
+def test_edges_are_as_long_as_asked_for_however_noisy_the_scan(shape: str, share: float) -> None:
+    """Noise as large as the triangles looks like creases, which remeshing keeps."""
+    made = {"blob 5k": 4, "blob 82k": 6, "blob 328k": 7}
+    clean = shapes.box((30.0, 20.0, 10.0), 6) if shape == "box 49k" else shapes.bumpy_blob(made[shape])
+    edge_mm = working_edge_mm(float(clean.face_areas_mm2().sum()), SETTINGS.target_vertices)
+    found = resample(with_noise(clean, share), "scan", edge_mm, SETTINGS, fine_edge_mm=edge_mm / 1.4)
+    assert found.fine is not None and found.edge_mm == edge_mm
+    assert remesh.median_edge_mm(found.mesh) == pytest.approx(edge_mm, rel=0.2)
+    assert remesh.median_edge_mm(found.fine) == pytest.approx(edge_mm / 1.4, rel=0.2)
+    off_mm = Surface(clean).closest(found.mesh.vertices).distance
+    assert np.sqrt((off_mm**2).mean()) < 0.7 * share * clean.diagonal_mm + 0.05 * edge_mm
+
+
+@pytest.mark.parametrize("levels", [1, 4, 6])
+def test_creases_and_bumps_are_no_noise(levels: int) -> None:
+    assert not remesh.is_noisy(shapes.box((30.0, 20.0, 10.0), levels))
+    assert not remesh.is_noisy(shapes.bumpy_blob(min(levels, 5)))
+    assert not remesh.is_noisy(shapes.gear(12))
+
+
+def test_white_noise_puts_neighbours_on_opposite_sides() -> None:
+    """On a regular mesh of six neighbours, two of them shared: (-2/6 + 2/36) / (1 + 1/6)."""
+    plane = shapes.grid_plane(80, 80)
+    noise_mm = np.random.default_rng(1).normal(0.0, 0.01, len(plane.vertices))
+    noisy = Mesh(plane.vertices + noise_mm[:, None] * [0.0, 0.0, 1.0], plane.faces)
+    assert remesh.neighbour_correlation(noisy) == pytest.approx(-5 / 21, abs=0.03)
+    assert remesh.neighbour_correlation(plane) == 0.0

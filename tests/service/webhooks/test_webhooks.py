@@ -38,7 +38,7 @@ def send_due(engine: Engine, poster: Poster, after_s: float = 0.0) -> list[Deliv
     return [Sender(deliveries, poster).send(row) for row in deliveries.take(10)]
 
 
-def told(service: Service, job_id: str) -> list[dict[str, Any]]:
+def deliveries_of(service: Service, job_id: str) -> list[dict[str, Any]]:
     listed: list[dict[str, Any]] = service.http.get(f"/v1/jobs/{job_id}/deliveries").json()["deliveries"]
     return listed
 
@@ -47,9 +47,9 @@ def test_a_successful_job_is_told_and_the_signature_is_right(
     service: Service, receiver: Receiver, engine: Engine, poster: Poster
 ) -> None:
     job_id = service.submitted(options(receiver))
-    assert send_due(engine, poster) == [] and told(service, job_id) == []
+    assert send_due(engine, poster) == [] and deliveries_of(service, job_id) == []
     service.worker.run(job_id)
-    (waiting,) = told(service, job_id)
+    (waiting,) = deliveries_of(service, job_id)
     assert (waiting["state"], waiting["event"], waiting["attempts"]) == ("waiting", "job.successful", [])
     assert send_due(engine, poster) == [DeliveryState.DELIVERED]
     (headers, body) = receiver.got[0]
@@ -58,7 +58,7 @@ def test_a_successful_job_is_told_and_the_signature_is_right(
     assert message["type"] == "job.successful" and message["data"] == service.status(job_id)
     with pytest.raises(WebhookVerificationError):
         Webhook(secret).verify(body + b" ", headers)
-    (delivered,) = told(service, job_id)
+    (delivered,) = deliveries_of(service, job_id)
     assert (
         delivered["id"] == headers["webhook-id"]
         and delivered["state"] == "delivered"
@@ -76,10 +76,12 @@ def test_failed_and_dismissed_are_told_too(service: Service, receiver: Receiver,
     assert jobs.fail(failed, 1, problem_of(JobCrashed("it died")))
     for each in (waiting, running):
         assert service.http.delete(f"/v1/jobs/{each}").status_code == 204
-    events = [[each["event"] for each in told(service, job_id)] for job_id in (failed, waiting, running)]
+    events = [
+        [each["event"] for each in deliveries_of(service, job_id)] for job_id in (failed, waiting, running)
+    ]
     assert events == [["job.failed"], ["job.dismissed"], ["job.dismissed"]]
     assert not jobs.succeed(running, 1, [])  # the worker comes too late: nothing more is told
-    assert len(told(service, running)) == 1
+    assert len(deliveries_of(service, running)) == 1
 
 
 def test_who_does_not_take_it_is_asked_again_later_and_later(
@@ -96,7 +98,7 @@ def test_who_does_not_take_it_is_asked_again_later_and_later(
     after_s += 601
     assert send_due(engine, poster, after_s) == [DeliveryState.WAITING]  # redirects are not followed
     assert send_due(engine, poster, after_s + BACK_OFF_S[2] + 1) == [DeliveryState.DELIVERED]
-    (message,) = told(service, job_id)
+    (message,) = deliveries_of(service, job_id)
     assert [tried["status"] for tried in message["attempts"]] == [500, 503, 302, 204]
     assert len({headers["webhook-id"] for headers, _ in receiver.got}) == 1
     assert len({body for _, body in receiver.got}) == 1
@@ -115,8 +117,10 @@ def test_one_that_never_takes_it_or_is_gone_is_given_up(
         after_s += wait_s + 1
         states += send_due(engine, poster, after_s)
     assert states == [DeliveryState.WAITING] * len(BACK_OFF_S) + [DeliveryState.GIVEN_UP]
-    assert told(service, gone)[0]["state"] == "given_up"
-    assert all(tried["status"] is None and tried["error"] for tried in told(service, never)[0]["attempts"])
+    assert deliveries_of(service, gone)[0]["state"] == "given_up"
+    assert all(
+        tried["status"] is None and tried["error"] for tried in deliveries_of(service, never)[0]["attempts"]
+    )
 
 
 def test_two_senders_do_not_send_the_same(service: Service, receiver: Receiver, engine: Engine) -> None:
@@ -146,7 +150,7 @@ def test_a_running_sender_sends_within_a_second_or_two(
     job_id = service.finished(options(receiver))
     try:
         deadline = time.monotonic() + 20
-        while not told(service, job_id)[0]["attempts"]:
+        while not deliveries_of(service, job_id)[0]["attempts"]:
             assert time.monotonic() < deadline
             time.sleep(0.05)
     finally:
@@ -198,9 +202,9 @@ def test_of_several_addresses_the_first_that_takes_us_is_used(
 ) -> None:
     real = socket.getaddrinfo
 
-    def looked_up(host: str, port: int, *given: Any, **named: Any) -> list[Any]:
+    def looked_up(host: str, port: int, *positional: Any, **named: Any) -> list[Any]:
         if host != "two.example.org":
-            return real(host, port, *given, **named)
+            return real(host, port, *positional, **named)
         return [
             (socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, port)) for each in ("127.0.0.2", "127.0.0.1")
         ]
