@@ -93,6 +93,7 @@ bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on r
 	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench
 	$(BIN)/python -m tests.accuracy.deviation
+	$(BIN)/python -m tests.accuracy.dense_scans --register
 	$(BIN)/python -m tests.accuracy.budgets --large
 	$(BIN)/python -m tests.endurance.load
 	$(BIN)/python -m tests.endurance.chaos

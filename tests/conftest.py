@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 import hypothesis
@@ -21,9 +22,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         operation = getattr(item, "operation_label", None)
         if operation and "[" not in item.nodeid:  # schemathesis 4.32 leaves the ids of pytest 9.2 without it
             item._id = item._id.with_params(operation)  # type: ignore[attr-defined]
+    _interleave(items)
     repeated = [each for each, count in Counter(item.nodeid for item in items).items() if count > 1]
     if repeated:
         raise pytest.UsageError(f"tests that share an id: {', '.join(repeated)}")
+
+
+def _interleave(items: list[pytest.Item]) -> None:
+    """Files of end-to-end tests, which mostly wait, between those that compute: workers take them in turn."""
+    whole = list(dict.fromkeys(item.path for item in items if item.get_closest_marker("e2e")))
+    others = list(dict.fromkeys(item.path for item in items if not item.get_closest_marker("e2e")))
+    order = [path for pair in zip_longest(whole, others) for path in pair if path is not None]
+    number = {path: position for position, path in enumerate(order)}
+    items.sort(key=lambda item: number[item.path])
 
 
 @pytest.fixture(scope="session")

@@ -110,7 +110,7 @@ async function sent(type, given) {
     const file = slots[name].file.files[0];
     request[name] = file
       ? { blob: (await api.send('PUT', `/v1/blobs?filename=${encodeURIComponent(file.name)}`, file, progress(name))).id, filename: file.name }
-      : earlier.reference(slots[name].before.value);
+      : earlier.reference(name, slots[name].before.value);
   }
   return api.start(request);
 }

@@ -8,7 +8,7 @@ from tests.support.running import QUICK, RunningService
 
 pytestmark = pytest.mark.e2e
 
-SLOWER = {"settings": {**QUICK["settings"], "resample": {"target_vertices": 3000}}}
+SLOWER = {"settings": {**QUICK["settings"], "resample": {"target_vertices": 2000}}}
 
 
 def test_jobs_survive_a_kill_of_everything(tmp_path: Path, design: Path, scan: Path) -> None:

@@ -20,7 +20,7 @@ from tests.support.running import QUICK, START_TIMEOUT_S, ScaledService, downloa
 from tests.support.storage import S3, Postgres
 
 pytestmark = pytest.mark.e2e
-SLOWER = {"settings": {**QUICK["settings"], "resample": {"target_vertices": 4000}}}
+SLOWER = {"settings": {**QUICK["settings"], "resample": {"target_vertices": 2500}}}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def scaled(tmp_path_factory: pytest.TempPathFactory, postgres: Postgres, s3: S3)
 def test_both_workers_take_jobs_and_the_results_are_everywhere(
     scaled: ScaledService, design: Path, scan: Path, s3: S3
 ) -> None:
-    ids = [scaled.client.submit(design, scan, QUICK).id for _ in range(4)]
+    ids = [scaled.client.submit(design, scan, QUICK).id for _ in range(3)]
     for job_id in ids:
         assert scaled.client.wait(job_id, timeout_s=240).status is Status.SUCCESSFUL, scaled.log.read_text()
     documents = [scaled.client.results(job_id) for job_id in ids]

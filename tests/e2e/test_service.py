@@ -148,7 +148,7 @@ def test_a_segfault_fails_its_job_and_nothing_else(running: RunningService, desi
 def test_a_dead_worker_is_replaced_and_its_job_runs_again(
     running: RunningService, design: Path, scan: Path
 ) -> None:
-    job = running.client.submit(design, scan, {**QUICK, "settings": {"resample": {"target_vertices": 3000}}})
+    job = running.client.submit(design, scan, {**QUICK, "settings": {"resample": {"target_vertices": 2000}}})
     process = running.running(job.id)
     running.part("worker").kill()
     wait_until(lambda: not is_alive(process), 5, "its child to be gone")
