@@ -7,7 +7,6 @@ import numpy as np
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels.icp import MIN_AGREEMENT
 from pipeline.kernels.native import core
-from pipeline.kernels.nearest import nearest
 
 #: Cells along the longest side of the box: a cell is about 2 % of the part. Chosen by hand; not fitted.
 CELLS = 48
@@ -26,14 +25,15 @@ class NearestGrid:
         extent = np.ptp(points, axis=0) + 2 * max_distance_mm
         self._cell = float(extent.max()) / CELLS
         self._shape = np.maximum(1, np.ceil(extent / self._cell).astype(np.int64))
-        self._low = low
-        axes = [low[k] + self._cell * (np.arange(self._shape[k]) + 0.5) for k in range(3)]
-        centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._low = np.ascontiguousarray(low)
+        self._points, self._normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
         # A point of a cell is up to half a diagonal from its centre.
         reach_mm = max_distance_mm + np.sqrt(3.0) / 2 * self._cell
-        self._nearest = nearest(points, centres, within_mm=1.001 * reach_mm)[1]
+        self._threads = len(os.sched_getaffinity(0))
+        self._nearest = core.nearest_of_cells(
+            self._points, self._low, self._cell, self._shape, 1.001 * reach_mm, self._threads
+        )
         self._max_distance_mm = max_distance_mm
-        self._points, self._normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
 
     def costs(
         self, T: FloatArray, normal_sign: FloatArray, points: FloatArray, normals: FloatArray
@@ -58,6 +58,6 @@ class NearestGrid:
             np.ascontiguousarray(normals),
             max_distance=self._max_distance_mm,
             min_agreement=MIN_AGREEMENT,
-            threads=len(os.sched_getaffinity(0)),
+            threads=self._threads,
         )
         return np.asarray(costs)

@@ -48,6 +48,7 @@ def test_register_needs_no_server_and_writes_what_the_service_writes(
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
 
 
+@pytest.mark.nightly
 def test_landmarks_needs_no_server_and_writes_what_the_service_writes(
     running: RunningService, design: Path, quick: Path, tmp_path: Path
 ) -> None:

@@ -63,6 +63,7 @@ def test_a_killed_workers_job_is_finished_by_another_within_30_s(
     scaled.replace(victim)
 
 
+@pytest.mark.nightly
 def test_a_stopped_workers_job_goes_to_another_at_once(
     scaled: ScaledService, design: Path, scan: Path
 ) -> None:

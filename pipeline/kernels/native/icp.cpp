@@ -123,6 +123,33 @@ class SampleTarget {
     std::vector<Vec> normals_;  // by slot
 };
 
+// The sample nearest to the centre of each cell, nearer than `reach`, or the number of samples; see
+// kernels/nearest_grid.py. shape : cells along x, y, z; the last axis runs fastest
+Out1<int64_t> nearest_of_cells(const In2<double>& samples, const In1<double>& low, double cell,
+                               const In1<int64_t>& shape, double reach, int threads) {
+    check_rows(samples, samples.shape(0), "samples must be (k, 3)");
+    if (low.shape(0) != 3 || shape.shape(0) != 3) throw std::invalid_argument("a grid has three axes");
+    const int64_t *cells = shape.data(), row_length = cells[2];
+    const double* origin = low.data();
+    std::vector<int64_t> nearest(cells[0] * cells[1] * row_length);
+    {
+        const nb::gil_scoped_release no_gil;
+        const PointTree tree(samples.data(), static_cast<int32_t>(samples.shape(0)));
+        cusp::for_each(cells[0] * cells[1], threads, {}, [&](int, int64_t line) {
+            int32_t guess = -1;
+            for (int64_t k = 0; k < row_length; ++k) {
+                const Point centre{origin[0] + cell * (static_cast<double>(line / cells[1]) + 0.5),
+                                   origin[1] + cell * (static_cast<double>(line % cells[1]) + 0.5),
+                                   origin[2] + cell * (static_cast<double>(k) + 0.5)};
+                const int32_t slot = tree.nearest_within(centre, guess, reach * reach);
+                nearest[line * row_length + k] = slot < 0 ? tree.size() : tree.number(slot);
+                if (slot >= 0) guess = slot;
+            }
+        });
+    }
+    return to_numpy(std::move(nearest));
+}
+
 // Mean squared distance (h,) of the points under each pose to the sample of their cell, truncated; see
 // kernels/nearest_grid.py. nearest : the sample of each cell, the number of samples where there is none
 Out1<double> grid_costs(const In1<int64_t>& nearest, const In2<double>& samples, const In2<double>& sample_normals,
@@ -296,6 +323,7 @@ class SurfaceTarget {
 }  // namespace
 
 void bind_icp(nb::module_& m) {
+    m.def("nearest_of_cells", &nearest_of_cells, "samples"_a, "low"_a, "cell"_a, "shape"_a, "reach"_a, "threads"_a);
     m.def("grid_costs", &grid_costs, "nearest"_a, "samples"_a, "sample_normals"_a, "low"_a, "cell"_a, "shape"_a,
           "T"_a, "normal_sign"_a, "points"_a, "normals"_a, "max_distance"_a, "min_agreement"_a, "threads"_a);
     nb::class_<SampleTarget>(m, "SampleTarget")

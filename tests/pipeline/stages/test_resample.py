@@ -74,7 +74,12 @@ def with_noise(mesh: Mesh, share: float) -> Mesh:
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.003, 0.005])
 @pytest.mark.parametrize(
-    "shape", ["blob 5k", "blob 82k", "box 49k", pytest.param("blob 328k", marks=pytest.mark.nightly)]
+    "shape",
+    [
+        "blob 5k",
+        "box 49k",
+        *(pytest.param(f"blob {size}", marks=pytest.mark.nightly) for size in ("82k", "328k")),
+    ],
 )
 def test_edges_are_as_long_as_asked_for_however_noisy_the_scan(shape: str, share: float) -> None:
     """Noise as large as the triangles looks like creases, which remeshing keeps."""
