@@ -1,5 +1,6 @@
 // Point-to-plane ICP from many start poses, to samples and to the exact surface; see kernels/icp.py and
 // kernels/surface.py. Poses run on threads; all sums of one pose run on one thread, in the order of the points.
+// Longer than other files: bindings of two targets and of the grid that ranks poses, which share their checks.
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
