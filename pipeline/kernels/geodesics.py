@@ -1,7 +1,7 @@
 """Exact geodesic distances on a triangle mesh.
 
 The search is C++ (`native/window_search.hpp`): window propagation (Mitchell, Mount, Papadimitriou 1987;
-Surazhsky et al. 2005) with windows and vertices in one queue, pruned by "one angle, one split" (Chen & Han
+Surazhsky et al. 2005) in buckets of distance, pruned by "one angle, one split" (Chen & Han
 1990) and the filter of Xin & Wang (2009). It needs edge lengths only, so any *intrinsic* metric can be used.
 A search stops at a radius or at the target vertex, so density peaks never need all pairs: rho visits each
 ball once, delta stops at the first denser vertex, and d_c examines a narrow shell of distances.

@@ -113,7 +113,7 @@ class Solver {
     }
 
     // For each vertex the number of vertices nearer than `low` and the sum of their weights times a kernel
-    // (1, or exp(-(d / scale)^2) if scale > 0), in ascending order of the vertices. The pairs with low <= d
+    // (1, or exp(-(d / scale)^2) if scale > 0), in ascending order of distance. The pairs with low <= d
     // <= high are listed, since both ends decide whether a pair at a limit counts: (counts, sums, i, j, d).
     std::tuple<Out1<int64_t>, Out1<double>, Out1<int32_t>, Out1<int32_t>, Out1<double>> sums(
         const In1<double>& weights, double low, double high, double scale, int threads,
@@ -129,15 +129,18 @@ class Solver {
         {
             const nb::gil_scoped_release no_gil;
             over_sources(mesh_.n, threads, on_progress, [&](WindowSearch& search, int64_t i) {
-                for (const Pair& pair : ball(search, static_cast<int32_t>(i), high)) {
-                    if (pair.distance >= low) {
-                        undecided[i].push_back(pair);
-                        continue;
+                const auto source = static_cast<int32_t>(i);
+                search.run(source, high, [&](int32_t v, double d) {
+                    if (v == source) return high;
+                    if (d >= low) {
+                        undecided[i].push_back({v, d});
+                    } else {
+                        const double ratio = scale > 0 ? d / scale : 0.0;
+                        sum[i] += weights.data()[v] * (scale > 0 ? std::exp(-ratio * ratio) : 1.0);
+                        ++nearer[i];
                     }
-                    const double ratio = scale > 0 ? pair.distance / scale : 0.0;
-                    sum[i] += weights.data()[pair.vertex] * (scale > 0 ? std::exp(-ratio * ratio) : 1.0);
-                    ++nearer[i];
-                }
+                    return high;
+                });
                 undecided[i].shrink_to_fit();
             });
             for (int32_t i = 0; i < mesh_.n; ++i) {

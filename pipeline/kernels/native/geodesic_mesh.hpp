@@ -22,9 +22,9 @@ inline double norm(double x, double y) {
 
 // Half-edge h = 3 f + k is the edge of face f opposite its corner k, from corner k + 1 to corner k + 2. Its
 // frame: start vertex at the origin, end vertex at (length, 0), the opposite vertex of f at (ox, oy) with oy
-// >= 0. The record fits into one cache line.
-struct HalfEdge {
-    double length, ox, oy;
+// >= 0. The record fills one cache line.
+struct alignas(64) HalfEdge {
+    double length, per_length, ox, oy;  // per_length : 1 / length, 0 if there is no length
     int32_t start, end, opposite;  // vertices
     int32_t at_start, at_end;      // half-edges of the same face whose opposite vertex is start, end
     int32_t across;  // the half-edge of the adjacent face; -1 if there is none, or more than one
@@ -70,8 +70,8 @@ struct GeodesicMesh {
             const int32_t sides = across_begin[h + 1] - across_begin[h];
             const int32_t over = sides == 1 ? across[across_begin[h]] : -1;
             const int32_t f = 3 * (h / 3);
-            edges.push_back({length[h], ox[h], oy[h], start(h), end(h), corner[h], f + (h % 3 + 1) % 3,
-                             f + (h % 3 + 2) % 3, over});
+            edges.push_back({length[h], length[h] > 0 ? 1.0 / length[h] : 0.0, ox[h], oy[h], start(h), end(h),
+                             corner[h], f + (h % 3 + 1) % 3, f + (h % 3 + 2) % 3, over});
         }
     }
 
