@@ -174,21 +174,22 @@ def study(
 
 
 def preload() -> None:
-    """Import everything a job needs, so that a process forked from this one starts at once.
+    """Import everything that most jobs need, and look up versions, so that a process forked from this one
+    starts at once.
 
     Raises
     ------
     RuntimeError
         When a library or one of the pymeshlab filters in use is missing (a missing `libopengl0` does that).
     """
-    import matplotlib.backends.backend_svg
-    import matplotlib.figure
-
     import pipeline.workflows.landmarks
     import pipeline.workflows.registration
     import pipeline.workflows.segments
     import pipeline.workflows.study  # noqa: F401
+    from pipeline.core.code_fingerprint import code_fingerprint
     from pipeline.kernels import remesh
+    from pipeline.workflows.provenance import versions
 
-    del matplotlib
     remesh.assert_filters()
+    code_fingerprint()
+    versions()

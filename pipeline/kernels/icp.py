@@ -154,10 +154,12 @@ def complete_shape(
 
     points : (k, 3) mm, in the frame of `surface`; weights : (k,) >= 0
     """
-    T = np.eye(4)
+    T, near = np.eye(4), None
     for iteration in range(1, max_iterations + 1):
         moved = rigid.transformed(T, points)
-        increment = rigid.fit(moved, surface.closest(moved).point, weights)
+        closest = surface.closest(moved, near)
+        near = closest.face
+        increment = rigid.fit(moved, closest.point, weights)
         T = increment @ T
         if rigid.rms_displacement(increment, np.eye(4), moved) < tolerance_mm:
             return Refined(rigid.orthonormal(T), True, iteration)

@@ -34,8 +34,10 @@ NOISE_CORRELATION = 0.0
 SMOOTHING_STEPS, SMOOTHING_ROUNDS = 10, 6
 #: Factors of the two half steps of Taubin, "A signal processing approach to fair surface design" (1995).
 TAUBIN_SHRINK, TAUBIN_INFLATE = 0.5, -0.53
-#: Dihedral angle, degrees, above which remeshing keeps a crease. Chosen by hand, not fitted.
-CREASE_DEG = 30
+#: Dihedral angle, degrees, above which remeshing keeps a crease: on a smooth mesh, at most, and on a rough
+#: mesh as a multiple of the roughness. Noise makes angles between neighbours of about so many times it, and
+#: each crease that is kept is a place with edges shorter than asked for. Chosen by hand, not fitted.
+CREASE_DEG, MAX_CREASE_DEG, CREASE_PER_ROUGHNESS = 30, 60, 4
 #: Dihedral angle above which there is no crease (derived).
 NO_CREASE_DEG = 180
 
@@ -71,8 +73,12 @@ def orient_coherently(mesh: Mesh) -> tuple[IntArray, IndexArray]:
     return _tracked(mesh, "meshing_re_orient_faces_coherently")
 
 
-def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_deg: float = CREASE_DEG) -> Mesh:
-    """Remesh the surface with edges of about `edge_mm`; creases sharper than `crease_deg` are kept."""
+def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_deg: float | None = None) -> Mesh:
+    """Remesh the surface with edges of about `edge_mm`; creases sharper than `crease_deg` are kept, by
+    default those that the roughness of the mesh does not make.
+    """
+    if crease_deg is None:
+        crease_deg = float(np.clip(CREASE_PER_ROUGHNESS * roughness_deg(mesh), CREASE_DEG, MAX_CREASE_DEG))
     meshes = _meshset(mesh)
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=iterations,
@@ -124,10 +130,11 @@ def neighbour_correlation(mesh: Mesh) -> float:
     return float((one * other).sum()) / size if size > 0 else 0.0
 
 
-def median_edge_mm(mesh: Mesh) -> float:
-    """Median length of the edges; `mesh` has a triangle."""
-    ends = topology.edges(mesh.faces).ends
-    return float(np.median(np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)))
+def edge_mm(mesh: Mesh, share: float) -> float:
+    """The length that `share` of the edges do not exceed: 0.5 for the median. `mesh` has a triangle."""
+    corners = mesh.vertices[mesh.faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return float(np.quantile(lengths, share))
 
 
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:

@@ -11,8 +11,11 @@ from pipeline.kernels import rigid
 from pipeline.kernels.patches import patch_means
 from pipeline.kernels.surface import Surface
 
-#: Gauss-Newton iterations, a fixed number. Chosen by hand; not fitted.
+#: Gauss-Newton iterations, at most. Chosen by hand; not fitted.
 ITERATIONS = 12
+#: A step that changes the factors, and moves the points relative to their radius, by less than this ends it:
+#: a tenth of the last digit that a report shows of a factor. Chosen by hand; not fitted.
+CONVERGENCE = 1e-5
 #: Min eigenvalue (dimensionless) of the normal equations. Below it the surface does not determine the
 #: scale, as with a plane. Chosen by hand; not fitted.
 MIN_EIGENVALUE = 1e-6
@@ -49,13 +52,14 @@ def estimate_scale(
     """
     placed = rigid.transformed(T_target_source, points)
     scale = np.ones(3 if per_axis else 1)
-    T = np.eye(4)
+    T, near = np.eye(4), None
     centre = np.einsum("k,kd->d", weights, placed) / weights.sum()
     offset = placed - centre
     for _ in range(ITERATIONS):
         # the scale acts along the target's axes, about the centre; then a small rigid motion
         moved = rigid.transformed(T, centre + offset * scale)
-        closest = surface.closest(moved)
+        closest = surface.closest(moved, near)
+        near = closest.face
         w = weights * (closest.distance <= max_distance_mm)
         if (w > 0).sum() < 6 + len(scale):
             return None
@@ -73,6 +77,8 @@ def estimate_scale(
         small = rigid.from_vector(np.concatenate([x[:3] / radius, x[3:6]])[None])[0]
         step = rigid.rotation_about(small[:3, :3], centre, small[:3, 3] + centre)
         T = step @ T
+        if np.abs(x).max() < CONVERGENCE * radius:
+            break
     return ScaleEstimate(1.0 / scale, np.where(w > 0, -residual, 0.0), closest.point)
 
 

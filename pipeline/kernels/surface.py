@@ -83,10 +83,15 @@ class Surface:
         )
         return normals
 
-    def closest(self, points: FloatArray) -> Closest:
-        """The closest point of the surface for each of `points` (k, 3), mm."""
+    def closest(self, points: FloatArray, near: IndexArray | None = None) -> Closest:
+        """The closest point of the surface for each of `points` (k, 3), mm.
+
+        near : (k,) a triangle for each point that is likely near, as of the last step of an ICP; it makes the
+        search quicker and changes no result.
+        """
         points = np.ascontiguousarray(points, dtype=np.float64)
-        point, face, weights, distance = self.target.closest(points, threads_for(len(points)))
+        near = None if near is None else np.ascontiguousarray(near, dtype=np.int64)
+        point, face, weights, distance = self.target.closest(points, near, threads_for(len(points)))
         return Closest(point, face, weights, distance, self._face_normals[face])
 
     def signed_distance(self, points: FloatArray, closest: Closest) -> FloatArray:

@@ -1,42 +1,42 @@
 """Decision graph of the density peaks: delta over rho (Rodriguez & Laio 2014, figure 1B), one point per
 working vertex.
-
-matplotlib is imported only when the graph is drawn, and only its object interface is used: no global figure,
-no display.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import SegmentationSettings
 from pipeline.report import palette
+from pipeline.report.chart import LEGEND_PT, Chart, Scale, css, lowered, padded
 from pipeline.stages.segmentation import Segmentation
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-SIZE_INCH = (8.0, 5.6)
-MARGINS = {"left": 0.11, "right": 0.985, "top": 0.94, "bottom": 0.2}
 # All values of the drawing are chosen by hand, not fitted; none affects a measurement.
-#: Resolution of the points of the vertices, which are an image inside the SVG: ten thousand circles are slow.
-RASTER_DPI = 200
+#: Size of the drawing and margins of the axes, points (1/72 inch).
+WIDTH, HEIGHT = 576.0, 403.0
+LEFT, RIGHT, TOP, BOTTOM = 66.0, 9.0, 24.0, 78.0
 #: Ratio of the largest to the median rho above which the rho axis is logarithmic.
 LOG_ABOVE = 30.0
-#: Radius of the disc of a centre, points (1/72 inch).
-DISC_PT = 4.0
+#: Room beyond the largest rho of a linear axis, as a factor.
+ROOM = 1.05
+#: Radius of the disc of a centre, diameter of the dot of a vertex, points.
+DISC_PT, DOT_PT = 4.0, 2.4
 #: Font size of the numbers, points.
 LABEL_PT = 7.5
 #: Distance from a disc to its number, and between successive candidate positions, points.
 LABEL_STEP_PT = 10.0
+CORE, HALO = "#808080", "#cccccc"
+_D_C, _RHO = lowered("d", "c"), '<tspan font-style="italic">\N{GREEK SMALL LETTER RHO}</tspan>'
 _RHO_LABEL = {
-    "vertex": r"local density $\rho$: vertices within $d_c$",
-    "area": r"local density $\rho$: surface area within $d_c$ [mm$^2$]",
-    "convexity": r"local density $\rho$: area around, weighted by its height on a bump [mm$^2$]",
+    "vertex": f"local density {_RHO}: vertices within {_D_C}",
+    "area": f"local density {_RHO}: surface area within {_D_C} [mm²]",
+    "convexity": f"local density {_RHO}: area around, weighted by its height on a bump [mm²]",
 }
+_DELTA_LABEL = (
+    '<tspan font-style="italic">δ</tspan>: distance along the surface',
+    "to the nearest denser vertex [mm]",
+)
 _METHOD_LABEL = {
     "cfsfdp": "density peaks",
     "kmeans": "K-means",
@@ -49,105 +49,79 @@ _METHOD_LABEL = {
 
 def write(path: Path, name: str, segmentation: Segmentation, settings: SegmentationSettings) -> None:
     """Write the decision graph of the mesh `name` as SVG; the same input gives the same bytes."""
-    import matplotlib
-
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()  # ignores a matplotlibrc of the machine
-        matplotlib.rcParams["svg.hashsalt"] = "cusp"
-        # A title at a fixed height: matplotlib otherwise measures every label of the axes to place it.
-        matplotlib.rcParams["axes.titley"] = 1.0
-        draw(name, segmentation, settings).savefig(
-            path, format="svg", dpi=RASTER_DPI, metadata={"Date": None}
-        )
+    draw(name, segmentation, settings).write(path)
 
 
-def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) -> "Figure":
-    """The figure; the disc of segment s has the gid `centre-<s>`."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=SIZE_INCH)
-    # Fixed margins: a layout engine would draw everything a second time to measure it.
-    axes = figure.subplots(gridspec_kw=MARGINS)
+def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) -> Chart:
+    """The drawing; the disc of segment s has the id `centre-<s>`."""
     delta = _above_zero(segmentation.delta)
-    _draw_vertices(axes, segmentation, delta)
-    _draw_cut_off(axes, segmentation.d_c_mm)
-    _draw_centres(axes, segmentation, delta, is_peak=settings.method == "cfsfdp")
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.minorticks_off()  # half of the time of drawing, and little to read
-    if segmentation.rho.max() > LOG_ABOVE * np.median(segmentation.rho):
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.minorticks_off()
-    else:
-        axes.set_xlim(left=0)
-    axes.set_xlabel(_RHO_LABEL.get(settings.density, rf"local density $\rho$ ({settings.density})"))
-    axes.set_ylabel("$\\delta$: distance along the surface\nto the nearest denser vertex [mm]")
-    count = len(segmentation.centres)
-    words = f"{count} segment{'s' * (count != 1)} by {_METHOD_LABEL[settings.method]}"
-    axes.set_title(f"Decision graph of {name}: {words}", loc="left")
-    axes.grid(True, which="major", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    figure.legend(loc="lower center", ncols=2, fontsize=8, frameon=False)
-    _number_centres(figure, axes, segmentation, delta)
-    return figure
-
-
-def _draw_vertices(axes: "Axes", segmentation: Segmentation, delta: FloatArray) -> None:
+    chart = Chart(
+        *(WIDTH, HEIGHT, _rho_scale(segmentation.rho)),
+        Scale(*padded(float(delta.min()), float(delta.max()), log=True), HEIGHT - BOTTOM, TOP, log=True),
+    )
+    chart.grid()
     rest = np.ones(len(delta), dtype=np.bool_)
     rest[segmentation.centres] = False
-    core, halo = rest & ~segmentation.halo, rest & segmentation.halo
-    for shown, grey, words in (
-        (core, "0.5", "vertex"),
-        (halo, "0.8", "vertex of the halo (border of a segment)"),
-    ):
-        if shown.any():
-            at = (segmentation.rho[shown], delta[shown])
-            axes.scatter(*at, s=5, color=grey, linewidths=0, label=words, rasterized=True)
-
-
-def _draw_cut_off(axes: "Axes", d_c_mm: float) -> None:
-    axes.axhline(
-        d_c_mm, color="0.2", linewidth=1, linestyle="--", label=f"cut-off distance $d_c$ = {d_c_mm:.3g} mm"
+    for shown, colour in ((rest & ~segmentation.halo, CORE), (rest & segmentation.halo, HALO)):
+        chart.dots(_positive(segmentation.rho[shown], chart.x), delta[shown], colour, DOT_PT)
+    if chart.y.low < segmentation.d_c_mm < chart.y.high:
+        at = float(chart.y(segmentation.d_c_mm))
+        chart.line(chart.x.start, at, chart.x.end, at, "#333", 1.0, dash="4 2")
+    _draw_centres(chart, segmentation, delta)
+    count = len(segmentation.centres)
+    chart.frame(
+        f"Decision graph of {name}: {count} segment{'s' * (count != 1)} by {_METHOD_LABEL[settings.method]}",
+        _RHO_LABEL.get(settings.density, f"local density {_RHO} ({settings.density})"),
+        _DELTA_LABEL,
     )
+    _draw_legend(chart, segmentation, is_peak=settings.method == "cfsfdp")
+    return chart
 
 
-def _draw_centres(axes: "Axes", segmentation: Segmentation, delta: FloatArray, *, is_peak: bool) -> None:
-    """Draw discs in the colours of the segments, the first segment on top."""
+def _rho_scale(rho: FloatArray) -> Scale:
+    high = float(rho.max())
+    if high > LOG_ABOVE * float(np.median(rho)):
+        low = float(rho[rho > 0].min())
+        return Scale(*padded(low, high, log=True), LEFT, WIDTH - RIGHT, log=True)
+    return Scale(0.0, ROOM * high if high > 0 else 1.0, LEFT, WIDTH - RIGHT)
+
+
+def _positive(rho: FloatArray, scale: Scale) -> FloatArray:
+    """A vertex without weight has no place on a logarithmic axis: it is drawn at its end."""
+    return np.maximum(rho, scale.low)
+
+
+def _draw_centres(chart: Chart, segmentation: Segmentation, delta: FloatArray) -> None:
+    """Discs in the colours of the segments, the first segment on top, and beside each its number."""
+    rho = _positive(segmentation.rho[segmentation.centres], chart.x)
+    at_pt = np.stack([chart.x(rho), chart.y(delta[segmentation.centres])], axis=1)
+    for segment in reversed(range(len(at_pt))):
+        colour = css(palette.of_segment(segment))
+        chart.disc(float(at_pt[segment, 0]), float(at_pt[segment, 1]), DISC_PT, colour, f"centre-{segment}")
+    for segment, (disc, offset) in enumerate(zip(at_pt, label_offsets(at_pt), strict=True)):
+        x, y = (float(value) for value in disc + offset)
+        if np.hypot(*offset) > 1.5 * LABEL_STEP_PT:
+            chart.line(x, y, float(disc[0]), float(disc[1]), "#000", 0.5)
+        wide = 0.6 * LABEL_PT * len(str(segment)) + 1.5
+        chart.add(
+            f'<rect x="{x - wide / 2:.1f}" y="{y - LABEL_PT / 2:.1f}" width="{wide:.1f}" height="{LABEL_PT}" '
+            'fill="#fff" fill-opacity="0.9"/>'
+        )
+        chart.text(x, y + 0.36 * LABEL_PT, str(segment), LABEL_PT, anchor="middle")
+
+
+def _draw_legend(chart: Chart, segmentation: Segmentation, *, is_peak: bool) -> None:
+    """Two columns below the axes."""
+    first, second, top = LEFT + 6, LEFT + 0.45 * (WIDTH - LEFT), HEIGHT - 24
+    chart.text(first + 14, top, "vertex", LEGEND_PT)
+    chart.add(f'<circle cx="{first:.1f}" cy="{top - 3:.1f}" r="{DOT_PT / 2}" fill="{CORE}"/>')
+    chart.text(first + 14, top + 14, "vertex of the halo (border of a segment)", LEGEND_PT)
+    chart.add(f'<circle cx="{first:.1f}" cy="{top + 11:.1f}" r="{DOT_PT / 2}" fill="{HALO}"/>')
+    chart.line(second - 7, top - 3, second + 7, top - 3, "#333", 1.0, dash="4 2")
+    chart.text(second + 14, top, f"cut-off distance {_D_C} = {segmentation.d_c_mm:.3g} mm", LEGEND_PT)
+    chart.disc(second, top + 11, DISC_PT, css(palette.of_segment(0)))
     words = f"{'density peak: ' if is_peak else ''}centre of a segment, with its number and colour"
-    for segment in reversed(range(len(segmentation.centres))):
-        centre = segmentation.centres[segment]
-        axes.plot(
-            *([float(segmentation.rho[centre])], [float(delta[centre])], "o"),
-            markersize=2 * DISC_PT,
-            markerfacecolor=tuple(palette.of_segment(segment).tolist()),
-            markeredgecolor="black",
-            markeredgewidth=0.6,
-            label=words if segment == 0 else None,
-            zorder=3,
-            gid=f"centre-{segment}",
-        )
-
-
-def _number_centres(figure: "Figure", axes: "Axes", segmentation: Segmentation, delta: FloatArray) -> None:
-    """Write the number of each segment beside its disc, without covering discs and other numbers."""
-    axes.autoscale_view()  # fixes the axis limits, on which the positions depend
-    rho_delta = np.stack([segmentation.rho, delta], axis=1)[segmentation.centres]
-    at_pt = axes.transData.transform(rho_delta) * 72.0 / figure.dpi
-    for segment, offset_pt in enumerate(label_offsets(at_pt)):
-        far = np.hypot(*offset_pt) > 1.5 * LABEL_STEP_PT
-        axes.annotate(
-            str(segment),
-            (float(rho_delta[segment, 0]), float(rho_delta[segment, 1])),
-            xytext=(float(offset_pt[0]), float(offset_pt[1])),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=LABEL_PT,
-            zorder=4,
-            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.9},
-            arrowprops={"arrowstyle": "-", "linewidth": 0.5, "shrinkA": 1, "shrinkB": 0} if far else None,
-        )
+    chart.text(second + 14, top + 14, words, LEGEND_PT)
 
 
 def label_offsets(at_pt: FloatArray) -> FloatArray:

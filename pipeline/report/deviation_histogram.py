@@ -1,7 +1,5 @@
 """`deviation_histogram.svg`: share of the scanned area by signed distance, in the colours of the deviation
 files.
-
-matplotlib is imported when the histogram is drawn, and only its object interface is used.
 """
 
 from pathlib import Path
@@ -10,13 +8,19 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray
 from pipeline.core.results import Deviation
+from pipeline.report.chart import Chart, Scale, css
 from pipeline.report.colormap import ColourScale
 from pipeline.report.numbers import fixed, signed
 
 #: Bars of the histogram; odd, so that one is centred on zero.
 BINS = 81
-SIZE_INCH = (7.2, 3.2)
-MARGINS = {"left": 0.1, "right": 0.98, "top": 0.88, "bottom": 0.17}
+#: Size of the drawing and margins of the axes, points (1/72 inch).
+WIDTH, HEIGHT = 518.0, 230.0
+LEFT, RIGHT, TOP, BOTTOM = 48.0, 10.0, 26.0, 38.0
+#: Font size of the names of the percentiles, points.
+MARK_PT = 7.0
+#: Room above the highest bar, as a factor.
+ROOM = 1.05
 
 
 def write(
@@ -26,57 +30,44 @@ def write(
 
     The same input gives the same bytes.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
+    draw(signed_mm, weights, summary, scale).write(path)
 
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams["svg.hashsalt"] = "cusp"
-        # A title at a fixed height: matplotlib otherwise measures every label of the axes to place it.
-        matplotlib.rcParams["axes.titley"] = 1.0
-        figure = Figure(figsize=SIZE_INCH)
-        axes = figure.subplots(gridspec_kw=MARGINS)
-        edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)
-        inside = np.clip(signed_mm, edges[0], edges[-1])  # values beyond the limits go to the last bars
-        share, _ = np.histogram(inside, edges, weights=weights)
-        middles = (edges[:-1] + edges[1:]) / 2
-        colours = scale.colours(middles)
-        axes.bar(
-            middles,
-            100 * share / weights.sum(),
-            np.diff(edges),
-            color=colours,
-            edgecolor="0.35",
-            linewidth=0.3,
+
+def draw(signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale) -> Chart:
+    """The drawing; see `write`."""
+    edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)
+    inside = np.clip(signed_mm, edges[0], edges[-1])  # values beyond the limits go to the last bars
+    share, _ = np.histogram(inside, edges, weights=weights)
+    percent = 100 * share / weights.sum()
+    chart = Chart(
+        *(WIDTH, HEIGHT, Scale(float(edges[0]), float(edges[-1]), LEFT, WIDTH - RIGHT)),
+        Scale(0.0, ROOM * float(percent.max()), HEIGHT - BOTTOM, TOP),
+    )
+    chart.grid(vertical=False)
+    _draw_bars(chart, edges, percent, scale)
+    for position_mm, name in ((summary.p05_mm, "5 %"), (summary.p50_mm, "median"), (summary.p95_mm, "95 %")):
+        if abs(position_mm) < scale.limit_mm:
+            at = float(chart.x(position_mm))
+            chart.line(at, chart.y.start, at, chart.y.end, "#333", 0.8, dash="1 1.5")
+            chart.text(at - 2, chart.y.end + 3, name, MARK_PT, anchor="end", turned=True)
+    if scale.tolerance_mm is not None and scale.tolerance_mm < scale.limit_mm:
+        for side in (-1, 1):
+            at = float(chart.x(side * scale.tolerance_mm))
+            chart.line(at, chart.y.start, at, chart.y.end, "#000", 1.0)
+    chart.frame(
+        f"mean {signed(summary.mean_mm)} mm, SD {fixed(summary.sd_mm)} mm, RMS {fixed(summary.rms_mm)} mm",
+        "deviation [mm]: &lt; 0 missing material, &gt; 0 excess material",
+        ("share of the area [%]",),
+    )
+    return chart
+
+
+def _draw_bars(chart: Chart, edges: FloatArray, percent: FloatArray, scale: ColourScale) -> None:
+    left, top = chart.x(edges), chart.y(percent)
+    colours = scale.colours((edges[:-1] + edges[1:]) / 2)
+    for number in np.flatnonzero(percent > 0):
+        chart.add(
+            f'<rect x="{left[number]:.2f}" y="{top[number]:.2f}" '
+            f'width="{left[number + 1] - left[number]:.2f}" height="{chart.y.start - top[number]:.2f}" '
+            f'fill="{css(colours[number])}" stroke="#595959" stroke-width="0.3"/>'
         )
-        for position, label in (
-            (summary.p05_mm, "5 %"),
-            (summary.p50_mm, "median"),
-            (summary.p95_mm, "95 %"),
-        ):
-            if abs(position) < scale.limit_mm:
-                axes.axvline(position, color="0.2", linewidth=0.8, linestyle=":")
-                axes.annotate(
-                    label,
-                    (position, 0.985),
-                    xycoords=("data", "axes fraction"),
-                    rotation=90,
-                    fontsize=7,
-                    va="top",
-                    ha="right",
-                )
-        if scale.tolerance_mm is not None:
-            for side in (-1, 1):
-                axes.axvline(side * scale.tolerance_mm, color="black", linewidth=1.0)
-        axes.set_xlim(edges[0], edges[-1])
-        axes.set_xlabel("deviation [mm]: < 0 missing material, > 0 excess material")
-        axes.set_ylabel("share of the area [%]")
-        axes.set_title(
-            f"mean {signed(summary.mean_mm)} mm, SD {fixed(summary.sd_mm)} mm, "
-            f"RMS {fixed(summary.rms_mm)} mm",
-            loc="left",
-            fontsize=10,
-        )
-        axes.grid(True, axis="y", color="0.9", linewidth=0.6)
-        axes.set_axisbelow(True)
-        figure.savefig(path, format="svg", metadata={"Date": None})

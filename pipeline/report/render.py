@@ -17,6 +17,8 @@ BACKGROUND = 1.0
 AMBIENT = 0.35
 #: Size of the picture over the size of its content.
 MARGIN = 1.06
+#: zlib level of the pictures: two thirds of the time of the default, and 6 % larger.
+PNG_LEVEL = 3
 #: Samples per pixel along each axis.
 OVERSAMPLE = 2
 #: Side of the square of a point of a point cloud, pixels.
@@ -87,7 +89,8 @@ def png(image: FloatArray) -> bytes:
     from PIL import Image  # a dependency of matplotlib; imported only when a picture is drawn
 
     stream = io.BytesIO()
-    Image.fromarray(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)).save(stream, "PNG", optimize=False)
+    pixels = Image.fromarray(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8))
+    pixels.save(stream, "PNG", compress_level=PNG_LEVEL)
     return stream.getvalue()
 
 

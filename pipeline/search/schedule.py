@@ -80,6 +80,7 @@ class RegistrationSchedule:
         2.0  # the landmarks' own fit is the first seed up to this many times the best cost
     )
     coarse_samples: int = 2_000  # scan points of the trials
+    complete_samples: int = 500  # scan points of the plain ICP that K compares with, which starts far away
     quick_seeds: int = 4  # seeds of a search that is not thorough: it asks only how well the best one fits
     trial_iterations: int = 30  # enough to rank the seeds; the best are refined further
     early_reject_ratio: float = 1.3  # times the residual limit after the trials: no pose of this part

@@ -93,7 +93,8 @@ def register(
     inlier_mm = settings.inlier_share * design.mesh.diagonal_mm
     model, weights = ScanModel(scan, settings, seed), scan.weights()
     search = search_pose(model, design, matching, settings)
-    T_complete = _icp_of_complete_shape(model.coarse_samples, design, settings)
+    few = ScanPoints.of(scan, REGISTRATION.complete_samples, seed)
+    T_complete = _icp_of_complete_shape(few, design, settings)
     fit = evaluate_fit(scan, weights, design, search.best.T_design_scan, inlier_mm)
     matching = match_under(search.best.T_design_scan)
     T_landmarks = matching.T_landmarks
@@ -154,7 +155,7 @@ def assess_observability(
     truncation_mm = OBSERVED_TRUNCATION * inlier_distance_mm
 
     def cost_mm2(T: FloatArray) -> float:
-        distance = design.closest(rigid.transformed(T, fit.moved[some])).distance
+        distance = design.closest(rigid.transformed(T, fit.moved[some]), fit.closest.face[some]).distance
         return float(np.average(np.minimum(distance, truncation_mm) ** 2, weights=inlier_weights[some]))
 
     return observe(fit.moved, fit.closest.normal, residual, inlier_weights, max_sigma_mm, cost_mm2)

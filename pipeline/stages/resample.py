@@ -26,6 +26,10 @@ DECIMATE_ABOVE = 8
 #: Edges of the working mesh of a noisy scan are at most this share shorter than asked for (median). From the
 #: requirement that a scan's noise costs no time.
 EDGE_TOLERANCE = 0.2
+#: Passes of remeshing, at most, of a surface whose triangles are already as small as asked for: passes beyond
+#: these change less than 1 % of its vertices. Where nearly all edges (`NEARLY_ALL`) are shorter than
+#: `SHORT_EDGES` times what is asked for. Chosen by hand; not fitted.
+FEW_PASSES, NEARLY_ALL, SHORT_EDGES = 3, 0.99, 2.0
 #: Neighbours for estimating the normals of a point cloud, and for orienting them. Chosen by hand; not fitted.
 NORMAL_NEIGHBOURS, ORIENTATION_NEIGHBOURS = 20, 15
 #: Min and max octree depth of the Poisson reconstruction. Chosen by hand; limits time and memory.
@@ -118,12 +122,15 @@ def _remeshed(
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
         surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted))
+    passes = settings.iterations
+    if remesh.edge_mm(surface, NEARLY_ALL) <= SHORT_EDGES * edge_mm:
+        passes = min(passes, FEW_PASSES)
     try:
-        remeshed = remesh.isotropic(surface, edge_mm, settings.iterations)
+        remeshed = remesh.isotropic(surface, edge_mm, passes)
         too_fine = (1 - EDGE_TOLERANCE) * edge_mm
-        if noisy and len(remeshed.faces) and remesh.median_edge_mm(remeshed) < too_fine:
+        if noisy and len(remeshed.faces) and remesh.edge_mm(remeshed, 0.5) < too_fine:
             without = remesh.NO_CREASE_DEG
-            remeshed = remesh.isotropic(surface, edge_mm, settings.iterations, crease_deg=without)
+            remeshed = remesh.isotropic(surface, edge_mm, passes, crease_deg=without)
     except remesh.PyMeshLabException as error:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
     if len(remeshed.faces) == 0:

@@ -1,5 +1,6 @@
 """What made a result: version, libraries, settings, and every limit that settings do not hold."""
 
+import functools
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -38,11 +39,17 @@ def limits() -> dict[str, Any]:
     }
 
 
+@functools.cache
+def versions() -> dict[str, str]:
+    """Of this package and of `LIBRARIES`, looked up once per process."""
+    return {name: version(name) for name in ("cusp", *LIBRARIES)}
+
+
 def _made_by(settings: Settings, seed: int) -> dict[str, Any]:
     """The fields of `core.results.MadeBy`."""
     return {
-        "version": version("cusp"),
-        "libraries": {name: version(name) for name in LIBRARIES},
+        "version": versions()["cusp"],
+        "libraries": {name: versions()[name] for name in LIBRARIES},
         "settings": settings.model_dump(mode="json"),
         "seed": seed,
     }

@@ -94,8 +94,8 @@ def measured(design: Mesh, scan: Mesh, share: float, register: bool) -> list[str
     assert found.fine is not None
     row = [f"{len(scan.faces)}", f"{share:.1%}", f"{len(found.mesh.vertices)}"]
     row += [
-        f"{remesh.median_edge_mm(found.mesh) / edge_mm:.2f}",
-        f"{remesh.median_edge_mm(found.fine) / fine_mm:.2f}",
+        f"{remesh.edge_mm(found.mesh, 0.5) / edge_mm:.2f}",
+        f"{remesh.edge_mm(found.fine, 0.5) / fine_mm:.2f}",
     ]
     row += [f"{took_s:.1f}"]
     if not register:

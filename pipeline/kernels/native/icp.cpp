@@ -205,9 +205,11 @@ class SurfaceTarget {
         : tree_(checked(vertices, faces), faces.data(), static_cast<int32_t>(faces.shape(0))) {}
 
     // The closest point of the surface (k, 3), its face (k,), its barycentric weights (k, 3), the distance (k,).
-    std::tuple<Out2<double>, Out1<int64_t>, Out2<double>, Out1<double>> closest(const In2<double>& points,
-                                                                                int threads) const {
+    // near : (k,) a face for each point that is likely near; it affects only the time
+    std::tuple<Out2<double>, Out1<int64_t>, Out2<double>, Out1<double>> closest(
+        const In2<double>& points, const std::optional<In1<int64_t>>& near, int threads) const {
         check_rows(points, points.shape(0), "points must be (k, 3)");
+        if (near) check_near(*near, points.shape(0));
         const auto count = static_cast<int64_t>(points.shape(0));
         std::vector<double> point(3 * count), weights(3 * count), distance(count);
         std::vector<int64_t> face(count);
@@ -216,6 +218,7 @@ class SurfaceTarget {
             in_blocks(count, threads, [&](int64_t first, int64_t last) {
                 int32_t guess = -1;  // the last point's face: points come in an order that keeps together
                 for (int64_t i = first; i < last; ++i) {
+                    if (near) guess = static_cast<int32_t>(near->data()[i]);
                     const SurfacePoint found = tree_.closest(points.data() + 3 * i, guess);
                     guess = found.face;
                     face[i] = found.face;
@@ -309,6 +312,12 @@ class SurfaceTarget {
             [&](int, int64_t block) { work(block * kBlock, std::min(count, (block + 1) * kBlock)); }, 1);
     }
 
+    void check_near(const In1<int64_t>& near, size_t count) const {
+        if (near.shape(0) != count) throw std::invalid_argument("one near face a point");
+        for (size_t i = 0; i < count; ++i)
+            if (near.data()[i] < 0 || near.data()[i] >= tree_.size()) throw std::out_of_range("no such face");
+    }
+
     static double rms_moved(const std::vector<Correspondence>& pairs, const Motion& step) {
         double sum = 0;
         for (const auto& each : pairs) {
@@ -333,7 +342,7 @@ void bind_icp(nb::module_& m) {
              "min_agreement"_a, "damping"_a, "iterations"_a, "threads"_a);
     nb::class_<SurfaceTarget>(m, "SurfaceTarget")
         .def(nb::init<const In2<double>&, const In2<int32_t>&>(), "vertices"_a, "faces"_a)
-        .def("closest", &SurfaceTarget::closest, "points"_a, "threads"_a)
+        .def("closest", &SurfaceTarget::closest, "points"_a, "near"_a.none(), "threads"_a)
         .def("refine", &SurfaceTarget::refine, "points"_a, "normals"_a.none(), "weights"_a, "T"_a,
              "normal_sign"_a, "max_distance"_a, "start_factor"_a, "decay"_a, "min_agreement"_a, "damping"_a,
              "min_pairs"_a, "iterations"_a, "tolerance"_a, "threads"_a);

@@ -88,8 +88,8 @@ def test_edges_are_as_long_as_asked_for_however_noisy_the_scan(shape: str, share
     edge_mm = working_edge_mm(float(clean.face_areas_mm2().sum()), SETTINGS.target_vertices)
     found = resample(with_noise(clean, share), "scan", edge_mm, SETTINGS, fine_edge_mm=edge_mm / 1.4)
     assert found.fine is not None and found.edge_mm == edge_mm
-    assert remesh.median_edge_mm(found.mesh) == pytest.approx(edge_mm, rel=0.2)
-    assert remesh.median_edge_mm(found.fine) == pytest.approx(edge_mm / 1.4, rel=0.2)
+    assert remesh.edge_mm(found.mesh, 0.5) == pytest.approx(edge_mm, rel=0.2)
+    assert remesh.edge_mm(found.fine, 0.5) == pytest.approx(edge_mm / 1.4, rel=0.2)
     off_mm = Surface(clean).closest(found.mesh.vertices).distance
     assert np.sqrt((off_mm**2).mean()) < 0.7 * share * clean.diagonal_mm + 0.05 * edge_mm
 
