@@ -48,24 +48,23 @@ def write_registration(
     deviations: Deviations,
     settings: Settings,
 ) -> Artifacts:
-    """Every file of a registration. scan : in mm, in its own frame"""
+    """The files of a registration that `settings.report` asks for. scan : in mm, in its own frame"""
     design_display, scan_display = display_mesh(design.analysis), display_mesh(scan)
     if result.transform is not None:
         scan_display = scan_display.moved(np.array(result.transform.matrix))
-    files = [
-        *write_design(out, design, design_display, settings),
-        *write_analysis(out, "scan", scan, settings),
-    ]
     landmarks = {"design": result.landmarks.design, "scan": result.landmarks.scan}
     writers.write_landmarks(out / "landmarks.csv", landmarks, result.landmarks.matches)
-    files.append("landmarks.csv")
+    files = ["landmarks.csv"]
     if result.transform is not None:
         writers.write_mesh(out / "aligned.ply", scan_display.full)
-        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations)]
-    views = registration_views(result, design.analysis, design_display, scan, scan_display, deviations)
-    artifacts = Artifacts(tuple(files)) + _write_page(
-        out, page.registration(result, views, out), settings.report
-    )
+        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations, settings.report)]
+    artifacts = Artifacts(tuple(files))
+    if settings.report.is_full:
+        files = write_design(out, design, design_display, settings)
+        files += write_analysis(out, "scan", scan, settings)
+        views = registration_views(result, design.analysis, design_display, scan, scan_display, deviations)
+        text = page.registration(result, views, out)
+        artifacts += Artifacts(tuple(files)) + _write_page(out, text, settings.report)
     if result.transform is not None and settings.report.three_mf:
         artifacts += _write_three_mf(out, scan_display.full, deviations)
     return artifacts
@@ -87,20 +86,24 @@ def write_design(out: Path, design: DesignModel, display: DisplayMesh, settings:
 
 
 def write_segments(out: Path, mesh: Mesh, segments: SegmentationResult, settings: Settings) -> Artifacts:
-    """Every file of `find_segments`. mesh : the cleaned mesh"""
+    """The files of `find_segments`. mesh : the cleaned mesh"""
     segmentation, resampled = segments.segmentation, segments.resampled
     writers.write_mesh(out / "mesh.segments.ply", mesh, palette.of_clean_vertices(segmentation, resampled))
+    if not settings.report.is_full:
+        return Artifacts(("mesh.segments.ply",))
     writers.write_vertices(out / "mesh.vertices.csv", mesh, resampled.working_of_clean, segmentation)
     decision_graph.write(out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation)
     return Artifacts(("mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"))
 
 
 def write_landmarks(out: Path, result: LandmarksResult, analysis: Analysis, settings: Settings) -> Artifacts:
-    """Every file of a landmarks job."""
-    files = write_analysis(out, "mesh", analysis, settings)
+    """The files of a landmarks job."""
     colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
     writers.write_mesh(out / "mesh.segments.ply", analysis.mesh, colours)
     writers.write_landmarks(out / "landmarks.csv", {"mesh": result.landmarks.mesh})
+    if not settings.report.is_full:
+        return Artifacts(("mesh.segments.ply", "landmarks.csv"))
+    files = write_analysis(out, "mesh", analysis, settings)
     images = segment_pictures("mesh", analysis, display_mesh(analysis), analysis.mesh, count=4)
     pictures = Pictures("Segments and landmarks", "segments of the", images, SEGMENTS_NOTE)
     text = page.landmarks(result, pictures, out)
@@ -109,6 +112,8 @@ def write_landmarks(out: Path, result: LandmarksResult, analysis: Analysis, sett
 
 def write_study_page(out: Path, result: StudyResult, settings: Settings) -> Artifacts:
     """The report of a study, whose trials and picture lie in `out`."""
+    if not settings.report.is_full:
+        return Artifacts()
     return _write_page(out, page.study(result, out), settings.report)
 
 
@@ -129,7 +134,9 @@ def display_mesh(analysis: Analysis) -> DisplayMesh:
     return DisplayMesh(analysis.mesh, analysis.resampled.light)
 
 
-def _write_deviation(out: Path, aligned: DisplayMesh, deviations: Deviations) -> list[str]:
+def _write_deviation(
+    out: Path, aligned: DisplayMesh, deviations: Deviations, settings: ReportSettings
+) -> list[str]:
     """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is
     counted.
     """
@@ -138,6 +145,8 @@ def _write_deviation(out: Path, aligned: DisplayMesh, deviations: Deviations) ->
     mesh, scale = aligned.full, colour_scale(deviations)
     colours = scale.colours(deviations.signed_mm, deviations.counted)
     writers.write_mesh(out / "deviation.ply", mesh, colours)
+    if not settings.is_full:
+        return ["deviation.ply"]
     counted_mm = np.where(deviations.counted, deviations.signed_mm, np.nan)
     glb.write_glb(out / "deviation.glb", aligned, colours, deviation_mm=counted_mm)
     weights = mesh.weights() * deviations.counted

@@ -5,7 +5,9 @@ numbers. Order: verdict on the pose, warnings, key figures, colour map of the de
 data.
 """
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,13 +73,14 @@ def render_views(
     view directions; landmarks_mm : (m, 3), drawn as dots. The caption gives the width of the picture in mm.
     """
     frame = like.vertices if mesh is like else np.concatenate([like.vertices, mesh.vertices])
-    return [
-        (
-            f"{view.name}; the picture is {_width_mm(view, frame):.3g} mm wide",
-            picture(mesh, colours, view, frame, *PICTURE_PX, landmarks_mm=landmarks_mm),
-        )
-        for view in four_views(like)[:count]
-    ]
+
+    def rendered(view: View) -> tuple[str, bytes]:
+        data = picture(mesh, colours, view, frame, *PICTURE_PX, landmarks_mm=landmarks_mm)
+        return f"{view.name}; the picture is {_width_mm(view, frame):.3g} mm wide", data
+
+    # The kernel that draws and the compression both work without the interpreter's lock.
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        return list(threads.map(rendered, four_views(like)[:count]))
 
 
 def _width_mm(view: View, frame: FloatArray) -> float:

@@ -26,14 +26,14 @@ def publish(
     """The result with its files, timings and the warnings of the report; written to `out`, unless that is
     None.
 
-    write_artifacts : called with the folder and the result; not called without `report.write_files`
+    write_artifacts : called with the folder and the result; not called where `report` asks for no files
     """
     if out is None:
         return result.model_copy(update={"timings_s": timer.timings_s()})
     artifacts: Artifacts = Artifacts()
     with timer.stage(Stage.REPORT):
         out.mkdir(parents=True, exist_ok=True)
-        if settings.report.write_files:
+        if settings.report.writes_files:
             artifacts = write_artifacts(out, result)
     result = result.model_copy(
         update={

@@ -41,7 +41,7 @@ def run_registration(
     """See `pipeline.register`."""
     timer, settings = StageTimer(on_progress, timing.REGISTRATION), job.settings
     design = None if design_cache is None else load_design(design_cache, design_file, settings, job.seed)
-    is_new = design is None
+    had_files = design is not None and bool(design.cached.files)
     outcome = compute_registration(design_file, scan_file, design, job, timer)
     result = registration_result(outcome, job)
     result = publish(
@@ -53,6 +53,7 @@ def run_registration(
             folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
         ),
     )
+    is_new = design is None or bool(outcome.design.cached.files) is not had_files
     if design_cache is not None and is_new:
         outcome.design.save(design_cache)  # after the files of the design were written, which it holds too
     return result

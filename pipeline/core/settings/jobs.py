@@ -1,6 +1,6 @@
 """Settings of what a job makes: studies and the report."""
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -50,7 +50,12 @@ class StudySettings(Section):
 
 
 class ReportSettings(Section):
-    write_files: bool = Field(True, description="write meshes and tables beside results.json")
+    write_files: bool = Field(True, description="false: as `content` none")
+    content: Literal["full", "light", "none"] = Field(
+        "full",
+        description="files beside results.json. full: all; light: those that programs read (landmarks.csv, "
+        "aligned.ply, deviation.ply; mesh.segments.ply of one mesh), no pictures and no page; none",
+    )
     pdf: bool = Field(False, description="also write report.pdf: the page of report.html on A4")
     three_mf: bool = Field(
         False,
@@ -61,6 +66,18 @@ class ReportSettings(Section):
 
     @model_validator(mode="after")
     def _files_to_write(self) -> Self:
-        if not self.write_files and (self.pdf or self.three_mf):
+        if not self.writes_files and (self.pdf or self.three_mf):
             raise ValueError("report.pdf and report.three_mf are files: they need report.write_files")
+        if self.content == "light" and self.pdf:
+            raise ValueError("report.pdf is the page of report.html: it needs report.content full")
         return self
+
+    @property
+    def writes_files(self) -> bool:
+        """Whether there are files beside results.json."""
+        return self.write_files and self.content != "none"
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there are files for people too."""
+        return self.write_files and self.content == "full"
