@@ -26,14 +26,18 @@ DAMPING = 1e-9
 START_DISTANCE_FACTOR = 3.0
 #: Factor by which the correspondence distance shrinks in each iteration. Chosen by hand; not fitted.
 DISTANCE_DECAY = 0.6
+#: ICP has also converged when the cost has not fallen by this share in so many iterations: along a motion
+#: that the surface does not hold (a sphere), noise moves the points for ever. The cost itself is known to a
+#: hundredth only (1 / sqrt of the number of points). Chosen by hand; not fitted.
+STALL_SHARE, STALL_ITERATIONS = 1e-4, 8
 #: Correspondences needed to determine the six unknowns of a motion (derived).
 MIN_CORRESPONDENCES = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Refined:
-    """T_target_source : (4, 4); converged : whether the last step was below the tolerance; iterations : steps
-    made.
+    """T_target_source : (4, 4); converged : whether the last step was below the tolerance, or the cost no
+    longer fell; iterations : steps made.
     """
 
     T_target_source: FloatArray
@@ -122,7 +126,7 @@ def refine_all(
     (k,) >= 0; surface : in the target frame; T : (h, 4, 4) T_target_source; normal_sign : (h,) +1, or -1 to
     flip the normals under that pose. The correspondence distance starts larger than `max_distance_mm` and
     shrinks to it, so a coarse start keeps its correspondences. ICP has converged when a step moves the points
-    by less than `tolerance_mm` (RMS).
+    by less than `tolerance_mm` (RMS), or when the cost no longer falls (`STALL_SHARE`).
     """
     refined, converged, iterations = surface.target.refine(
         _rows(points),
@@ -138,6 +142,8 @@ def refine_all(
         min_pairs=MIN_CORRESPONDENCES,
         iterations=max_iterations,
         tolerance=tolerance_mm,
+        stall_share=STALL_SHARE,
+        stall_iterations=STALL_ITERATIONS,
         threads=len(os.sched_getaffinity(0)),
     )
     return [

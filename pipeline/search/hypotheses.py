@@ -48,9 +48,10 @@ class HypothesisSearch:
         """Distinct poses, best first, the neighbours of the best among them. candidates : at least one"""
         pool = self._select(candidates)
         pool = self._refine_rounds(pool, MATCHING.rounds)
-        neighbours = self._neighbours(pool)
-        periodic = self._propagate_periodicity(pool, neighbours)
-        pool = pool.merge(neighbours).merge(periodic)
+        if pool.cost_mm2.min() <= (MATCHING.hopeless_share * self._diagonal_mm) ** 2:
+            neighbours = self._neighbours(pool)
+            periodic = self._propagate_periodicity(pool, neighbours)
+            pool = pool.merge(neighbours).merge(periodic)
         return tuple(
             Hypothesis(
                 rigid.orthonormal(pool.T[k]),

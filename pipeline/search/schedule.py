@@ -50,6 +50,10 @@ class MatchingSchedule:
         RefineRound("fine", 0.015, 10, keep=12),
     )
 
+    # RMS above which the best pose is that of another part: its neighbours need no look. Chosen by hand while
+    # looking at both: right poses, depth cameras included, up to 0.95 %; another patient's arch from 1.12 %.
+    hopeless_share: float = 0.011
+
     # Neighbours of the best pose: parts with teeth, threads or holes fit almost as well one step further.
     perturbations_share: tuple[float, ...] = (0.015, 0.03, 0.06)  # an ICP from so far ends in the next tooth
     neighbour_share: float = 0.01  # the smallest pitch that is resolved

@@ -72,7 +72,6 @@ class Registration:
     rmse_complete_mm: float
     design_coverage: float
     observability: Observability
-    scale: ScaleDiagnosis
     scan_surface: Surface | None
 
 
@@ -110,7 +109,6 @@ def register(
         rmse_complete_mm=rmse_mm(scan, weights, design, T_complete),
         design_coverage=search.best.coverage,
         observability=assess_observability(fit, weights, design, inlier_mm, max_sigma_mm),
-        scale=_estimate_scale(model.fine_samples, design, search.best.T_design_scan, inlier_mm),
         scan_surface=model.surface,
     )
 
@@ -161,9 +159,11 @@ def assess_observability(
     return observe(fit.moved, fit.closest.normal, residual, inlier_weights, max_sigma_mm, cost_mm2)
 
 
-def _estimate_scale(
-    points: ScanPoints, design: Surface, T_design_scan: FloatArray, inlier_mm: float
+def diagnose_scale(
+    scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_mm: float, sample_points: int, seed: int
 ) -> ScaleDiagnosis:
+    """Scale and deformation of the registered scan relative to its design; `sample_points` of it are used."""
+    points = ScanPoints.of(scan, sample_points, seed)
     arguments = (points.points, points.weights, design, T_design_scan, inlier_mm)
     isotropic, per_axis = (
         estimate if estimate is not None and _is_plausible(estimate.factors) else None

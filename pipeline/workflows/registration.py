@@ -21,6 +21,7 @@ from pipeline.core.results import DesignDeviation, RegistrationResult
 from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
+from pipeline.stages.registration import ScaleDiagnosis, diagnose_scale
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case
 from pipeline.verification.verdict import HAS_POSE, judge
@@ -84,7 +85,8 @@ def compute_registration(
         deviations = _deviations(registered.scan, registered, design, job)
         has_pose = verdict.status in HAS_POSE
         of_design = _deviation_of_design(registered, design, job) if has_pose else None
-    return RegistrationOutcome(design, input_scan, registered, checks, verdict, deviations, of_design)
+        scale = _scale(registered, design, job) if has_pose else None
+    return RegistrationOutcome(design, input_scan, registered, checks, verdict, deviations, of_design, scale)
 
 
 def _deviations(
@@ -105,4 +107,16 @@ def _deviation_of_design(
         registration.fit,
         registration.inlier_distance_mm,
         job.tolerance_mm,
+    )
+
+
+def _scale(registered: RegisteredScan, design: DesignModel, job: JobParameters) -> ScaleDiagnosis:
+    registration = registered.registration
+    return diagnose_scale(
+        registered.scan.mesh,
+        design.surface,
+        registration.best.T_design_scan,
+        registration.inlier_distance_mm,
+        job.settings.registration.sample_points,
+        job.seed,
     )

@@ -7,6 +7,7 @@ from pipeline.analysis.inputs import InputMesh
 from pipeline.analysis.scan_registration import RegisteredScan
 from pipeline.core.results import DesignDeviation, Verdict
 from pipeline.stages.deviation import Deviations
+from pipeline.stages.registration import ScaleDiagnosis
 from pipeline.verification.alternative_hypotheses import HypothesisChecks
 from pipeline.verification.verdict import HAS_POSE
 
@@ -14,8 +15,8 @@ from pipeline.verification.verdict import HAS_POSE
 @dataclass(frozen=True, slots=True)
 class RegistrationOutcome:
     """Everything that was computed. input_scan : the scan as read; registered : the scan on the design, in
-    mm;
-    of_design : distances of the design to the scan, None without a pose
+    mm; of_design : distances of the design to the scan, scale : size of the scan over that of the design,
+    both None without a pose
     """
 
     design: DesignModel
@@ -25,6 +26,7 @@ class RegistrationOutcome:
     verdict: Verdict
     deviations: Deviations
     of_design: DesignDeviation | None
+    scale: ScaleDiagnosis | None
 
     @property
     def has_pose(self) -> bool:

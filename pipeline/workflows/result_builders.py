@@ -24,7 +24,7 @@ from pipeline.core.results import (
 from pipeline.kernels import rigid
 from pipeline.search.types import Matching
 from pipeline.stages.load import Loaded
-from pipeline.stages.registration import Registration
+from pipeline.stages.registration import Registration, ScaleDiagnosis
 from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
 from pipeline.workflows.provenance import provenance
 from pipeline.workflows.registration_outcome import RegistrationOutcome
@@ -59,7 +59,7 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         deviation=outcome.deviations.summary if has_pose else None,
         deviation_of_design=outcome.of_design,
         observability=observability(registration) if has_pose else None,
-        scale=scale(registration, checks.unit_factor) if has_pose else None,
+        scale=None if outcome.scale is None else scale(outcome.scale, checks.unit_factor),
         provenance=provenance(
             Inputs(design=cached.input, scan=outcome.input_scan.record()), job.settings, job.seed
         ),
@@ -169,8 +169,7 @@ def observability(registration: Registration) -> Observability:
     )
 
 
-def scale(registration: Registration, unit_factor: float | None) -> Scale:
-    estimate = registration.scale
+def scale(estimate: ScaleDiagnosis, unit_factor: float | None) -> Scale:
     per_axis = None if estimate.per_axis is None else estimate.per_axis.tolist()
     return Scale(
         isotropic=estimate.isotropic, per_axis=per_axis, warp_mm=estimate.warp_mm, unit_factor=unit_factor

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -237,7 +238,7 @@ class SurfaceTarget {
         const In2<double>& points, const std::optional<In2<double>>& normals, const In1<double>& weights,
         const Matrices& T, const In1<double>& normal_sign, double max_distance, double start_factor,
         double decay, double min_agreement, double damping, int min_pairs, int iterations, double tolerance,
-        int threads) const {
+        double stall_share, int stall_iterations, int threads) const {
         check_rows(points, weights.shape(0), "points must be (k, 3), one weight each");
         if (normals) check_rows(*normals, points.shape(0), "normals must be (k, 3), as the points");
         if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
@@ -251,7 +252,8 @@ class SurfaceTarget {
             Motion motion = Motion::of(T.data() + 16 * pose);
             std::vector<Correspondence> pairs(count);
             std::vector<int32_t> faces(count, -1);
-            double allowed = start_factor * max_distance;
+            double allowed = start_factor * max_distance, lowest = std::numeric_limits<double>::infinity();
+            int lowest_at = 0;
             for (int k = 1; k <= iterations && !converged[pose]; ++k) {
                 steps[pose] = k;
                 in_blocks(count, inner, [&](int64_t first, int64_t last) {
@@ -268,11 +270,19 @@ class SurfaceTarget {
                         pairs[i] = {moved, found.point, n, w};
                     }
                 });
+                if (allowed == max_distance) {
+                    const double cost = truncated_cost(pairs, weights, max_distance);
+                    if (cost < lowest * (1 - stall_share)) {
+                        lowest = cost;
+                        lowest_at = k;
+                    }
+                    if (k - lowest_at >= stall_iterations) converged[pose] = 1;
+                }
                 if (std::count_if(pairs.begin(), pairs.end(), [](const auto& each) { return each.w > 0; }) < min_pairs)
                     break;
                 const Motion step = plane_step(pairs, damping);
                 motion = step.after(motion);
-                converged[pose] = allowed == max_distance && rms_moved(pairs, step) < tolerance;
+                if (allowed == max_distance && rms_moved(pairs, step) < tolerance) converged[pose] = 1;
                 allowed = std::max(max_distance, decay * allowed);
             }
             motion.write(refined.data() + 16 * pose);
@@ -318,6 +328,16 @@ class SurfaceTarget {
             if (near.data()[i] < 0 || near.data()[i] >= tree_.size()) throw std::out_of_range("no such face");
     }
 
+    static double truncated_cost(const std::vector<Correspondence>& pairs, const In1<double>& weights,
+                                 double max_distance) {
+        double sum = 0;
+        for (size_t i = 0; i < pairs.size(); ++i) {
+            const Vec by = cusp::minus(pairs[i].q.data(), pairs[i].p.data());
+            sum += weights.data()[i] * std::min(cusp::dot(by, by), max_distance * max_distance);
+        }
+        return sum;
+    }
+
     static double rms_moved(const std::vector<Correspondence>& pairs, const Motion& step) {
         double sum = 0;
         for (const auto& each : pairs) {
@@ -345,5 +365,5 @@ void bind_icp(nb::module_& m) {
         .def("closest", &SurfaceTarget::closest, "points"_a, "near"_a.none(), "threads"_a)
         .def("refine", &SurfaceTarget::refine, "points"_a, "normals"_a.none(), "weights"_a, "T"_a,
              "normal_sign"_a, "max_distance"_a, "start_factor"_a, "decay"_a, "min_agreement"_a, "damping"_a,
-             "min_pairs"_a, "iterations"_a, "tolerance"_a, "threads"_a);
+             "min_pairs"_a, "iterations"_a, "tolerance"_a, "stall_share"_a, "stall_iterations"_a, "threads"_a);
 }
