@@ -128,16 +128,17 @@ def distinct(
     symmetry is dropped too.
     """
     placed = rigid.transformed(T[order], probes)
-    taken = np.zeros((0, *probes.shape))
+    group = np.array([np.eye(4), *symmetries])
+    taken = np.empty((len(order) * len(group), *probes.shape))
     kept: list[int] = []
     for number in range(len(order)):
-        rms = np.sqrt(((taken - placed[number]) ** 2).sum(axis=2).mean(axis=1))
-        if not (rms < apart_mm).any():
+        earlier = taken[: len(kept) * len(group)]
+        squared = ((earlier - placed[number]) ** 2).sum(axis=2).mean(axis=1)
+        if not (squared < apart_mm**2).any():
+            taken[len(earlier) : len(earlier) + len(group)] = rigid.transformed(group, placed[number])
             kept.append(number)
             if len(kept) == most:
                 break
-            equivalent = [placed[number], *(rigid.transformed(each, placed[number]) for each in symmetries)]
-            taken = np.concatenate([taken, equivalent])
     return order[np.array(kept, dtype=np.int64)]
 
 

@@ -93,3 +93,18 @@ def test_a_free_motion_stays_zero_and_too_few_pairs_move_nothing() -> None:
     refused = icp.refine(samples.points, samples.normals, weights, Surface(plane), far, **limits)
     assert (refused.converged, refused.iterations) == (False, 1)
     np.testing.assert_array_equal(refused.T_target_source, far)
+
+
+def test_a_sphere_that_noise_turns_for_ever_has_converged_when_its_cost_no_longer_falls() -> None:
+    ball = shapes.icosphere(10.0, 4)
+    source = sampling.on_surface(ball, 2000, 1)
+    noise = np.random.default_rng(6).normal(0, 0.05, (2000, 1)) * source.normals
+    found = icp.refine(
+        *(source.points + noise, source.normals, np.full(2000, 1 / 2000), Surface(ball), start(0)),
+        max_distance_mm=MAX_MM,
+        max_iterations=500,
+        tolerance_mm=1e-9,
+    )
+    assert found.converged and found.iterations < 100
+    centre = rigid.transformed(found.T_target_source, np.zeros((1, 3)))
+    np.testing.assert_allclose(centre, 0, atol=5 * 0.05 / np.sqrt(2000))  # as well as noise allows

@@ -63,7 +63,7 @@ TRIANGLE_AND_POINT = st.lists(st.floats(-3, 3), min_size=12, max_size=12)
 def closest(point: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of one triangle (3, 3): the closest point, its weights, the distance."""
     target = core.SurfaceTarget(np.ascontiguousarray(corners), np.array([[0, 1, 2]], dtype=np.int32))
-    found, _, weights, distance = target.closest(point, 1)
+    found, _, weights, distance = target.closest(point, None, 1)
     return found, weights, distance
 
 
@@ -96,7 +96,7 @@ def test_threads_change_no_bit() -> None:
     blob = shapes.bumpy_blob(4)
     points = np.random.default_rng(2).normal(size=(20_000, 3)) * 12
     target = core.SurfaceTarget(blob.vertices, blob.faces)
-    for a, b in zip(target.closest(points, 1), target.closest(points, 3), strict=True):
+    for a, b in zip(target.closest(points, None, 1), target.closest(points, None, 3), strict=True):
         np.testing.assert_array_equal(a, b)
 
 
@@ -113,6 +113,18 @@ def test_no_triangle_is_nearer_and_of_equal_ones_the_first_is_found() -> None:
     assert (distance_sq[np.arange(len(points)), found.face] <= distance_sq.min(axis=1) * (1 + 1e-12)).all()
     order = rng.permutation(len(points))
     np.testing.assert_array_equal(Surface(box).closest(points[order]).face, found.face[order])
+
+
+def test_a_triangle_that_is_taken_for_near_changes_no_bit() -> None:
+    box = shapes.box((10.0, 6.0, 4.0), levels=2)
+    rng = np.random.default_rng(5)
+    points = np.concatenate([rng.uniform(-3, 13, (200, 3)), box.vertices])
+    surface, near = Surface(box), rng.integers(len(box.faces), size=200 + len(box.vertices))
+    found, again = surface.closest(points), surface.closest(points, near)
+    for name in ("point", "face", "weights", "distance", "normal"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
+    with pytest.raises(IndexError, match="no such face"):
+        surface.closest(points[:1], np.array([len(box.faces)]))
 
 
 def test_distances_are_those_of_embree() -> None:
