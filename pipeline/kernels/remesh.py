@@ -6,7 +6,6 @@ import pymeshlab
 from pymeshlab import PyMeshLabException as PyMeshLabException
 
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
-from pipeline.kernels import topology
 
 FILTERS = (
     "meshing_repair_non_manifold_edges",
@@ -117,17 +116,19 @@ def neighbour_correlation(mesh: Mesh) -> float:
 
     A vertex sticks out by its distance from the mean of its neighbours, along its normal.
     """
-    ends = topology.edges(mesh.faces).ends
-    total, count = np.zeros_like(mesh.vertices), np.zeros(len(mesh.vertices))
-    for here, there in ((ends[:, 0], ends[:, 1]), (ends[:, 1], ends[:, 0])):
+    faces, n = mesh.faces, len(mesh.vertices)
+    total = np.zeros_like(mesh.vertices)
+    sum_of_face = mesh.vertices[faces].sum(axis=1)
+    for corner in range(3):  # the two other corners of every triangle: each neighbour twice, at a border once
+        others = sum_of_face - mesh.vertices[faces[:, corner]]
         for axis in range(3):
-            total[:, axis] += np.bincount(here, mesh.vertices[there, axis], len(mesh.vertices))
-        count += np.bincount(here, minlength=len(mesh.vertices))
+            total[:, axis] += np.bincount(faces[:, corner], others[:, axis], n)
+    count = 2 * np.bincount(faces.ravel(), minlength=n)
     mean = total / np.maximum(count, 1)[:, None]
     out_mm = np.where(count > 0, np.einsum("kd,kd->k", mesh.vertices - mean, mesh.vertex_normals()), 0.0)
-    one, other = out_mm[ends[:, 0]], out_mm[ends[:, 1]]
-    size = float((one**2 + other**2).sum()) / 2
-    return float((one * other).sum()) / size if size > 0 else 0.0
+    of_corner = out_mm[faces]
+    size = float((of_corner**2).sum())
+    return float((of_corner * np.roll(of_corner, 1, axis=1)).sum()) / size if size > 0 else 0.0
 
 
 def edge_mm(mesh: Mesh, share: float) -> float:

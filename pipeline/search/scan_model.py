@@ -13,7 +13,7 @@ from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.visibility import ViewModel
 from pipeline.search.schedule import REGISTRATION
-from pipeline.search.types import PoseCost
+from pipeline.search.types import MIRROR, PoseCost, mirror_mesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +48,28 @@ class ScanModel:
     surface : in the scan's own frame, None for a point cloud
     """
 
-    def __init__(self, mesh: Mesh, settings: RegistrationSettings, seed: int) -> None:
-        self.mesh = mesh
+    def __init__(
+        self, mesh: Mesh, surface: Surface | None, settings: RegistrationSettings, seed: int
+    ) -> None:
+        self.mesh, self.surface = mesh, surface
         self.fine_samples = ScanPoints.of(mesh, settings.sample_points, seed)
         self.coarse_samples = ScanPoints.of(mesh, REGISTRATION.coarse_samples, seed)
-        self.surface = None if mesh.is_cloud else Surface(mesh)
         self._seed = seed
+        self._to_surface: FloatArray = np.ones(3)
+
+    @classmethod
+    def of(cls, mesh: Mesh, settings: RegistrationSettings, seed: int) -> "ScanModel":
+        """The model of a scan."""
+        return cls(mesh, None if mesh.is_cloud else Surface(mesh), settings, seed)
+
+    @classmethod
+    def mirrored(
+        cls, mesh: Mesh, surface: Surface | None, settings: RegistrationSettings, seed: int
+    ) -> "ScanModel":
+        """The model of a scan's mirror image (`mirror_mesh`). mesh, surface : of the scan itself"""
+        model = cls(mirror_mesh(mesh), surface, settings, seed)
+        model._to_surface = MIRROR
+        return model
 
     def views(self, normal_sign: float) -> ViewModel | None:
         """The directions it may have been seen from; None for a cloud, which has no outer side."""
@@ -75,7 +91,8 @@ class ScanModel:
         if self.surface is None:
             distance, _ = nearest(self.mesh.vertices, in_scan)
             return float(np.mean(distance <= inlier_distance_mm))
-        closest = self.surface.closest(in_scan)
-        normals_scan = samples.normals @ T_scan_design[:3, :3].T
+        # A mirror image is looked up in the surface of the scan itself: queries are reflected.
+        closest = self.surface.closest(in_scan * self._to_surface)
+        normals_scan = samples.normals @ T_scan_design[:3, :3].T * self._to_surface
         agrees = normal_sign * np.einsum("kd,kd->k", normals_scan, closest.normal) > 0
         return float(np.mean((closest.distance <= inlier_distance_mm) & agrees))

@@ -85,6 +85,8 @@ class RegistrationSchedule:
     )
     coarse_samples: int = 2_000  # scan points of the trials
     complete_samples: int = 500  # scan points of the plain ICP that K compares with, which starts far away
+    max_rmse_vertices: int = 100_000  # of the RMSEs before the final pose: far points are slow, and so many
+    # vertices fix an RMSE to 0.3 %; that of the final pose is over all vertices
     quick_seeds: int = 4  # seeds of a search that is not thorough: it asks only how well the best one fits
     trial_iterations: int = 30  # enough to rank the seeds; the best are refined further
     early_reject_ratio: float = 1.3  # times the residual limit after the trials: no pose of this part

@@ -90,7 +90,7 @@ def register(
     certain (1 sigma) is unconstrained
     """
     inlier_mm = settings.inlier_share * design.mesh.diagonal_mm
-    model, weights = ScanModel(scan, settings, seed), scan.weights()
+    model, weights = ScanModel.of(scan, settings, seed), scan.weights()
     search = search_pose(model, design, matching, settings)
     few = ScanPoints.of(scan, REGISTRATION.complete_samples, seed)
     T_complete = _icp_of_complete_shape(few, design, settings)
@@ -135,9 +135,10 @@ def evaluate_fit(
 
 
 def rmse_mm(scan: Mesh, weights: FloatArray, design: Surface, T_design_scan: FloatArray) -> float:
-    """`Fit.rmse_mm` alone."""
-    distance = design.closest(rigid.transformed(T_design_scan, scan.vertices)).distance
-    return float(np.sqrt((weights * distance**2).sum()))
+    """`Fit.rmse_mm` alone; of more vertices than `REGISTRATION.max_rmse_vertices` every k-th counts."""
+    some = slice(None, None, -(-len(weights) // REGISTRATION.max_rmse_vertices))
+    distance = design.closest(rigid.transformed(T_design_scan, scan.vertices[some])).distance
+    return float(np.sqrt((weights[some] * distance**2).sum() / weights[some].sum()))
 
 
 def assess_observability(

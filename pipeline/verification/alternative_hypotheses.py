@@ -24,7 +24,6 @@ from pipeline.core.timing import silent
 from pipeline.search.pose_search import search_pose
 from pipeline.search.scan_model import ScanModel
 from pipeline.search.score_ratio import SCORE_LIMITS
-from pipeline.search.types import mirror_mesh
 from pipeline.stages.registration import Registration, evaluate_fit
 from pipeline.verification.equivalent_poses import add_equivalent_poses
 from pipeline.verification.thresholds import HYPOTHESES, UNIT_FACTORS
@@ -109,8 +108,9 @@ def check_mirror_image(registered: RegisteredScan, design: DesignModel, job: Job
     settings = job.settings
     described = registered.described.mirrored(design.matching_mm, settings.matching)
     matching = match_to_design(described, design, job)
-    mesh = mirror_mesh(registered.scan.mesh)
-    model = ScanModel(mesh, settings.registration, job.seed)
+    surface = registered.registration.scan_surface
+    model = ScanModel.mirrored(registered.scan.mesh, surface, settings.registration, job.seed)
+    mesh = model.mesh
     best = search_pose(model, design.surface, matching, settings.registration, thorough=False).best
     inlier_mm = registered.registration.inlier_distance_mm
     return evaluate_fit(mesh, mesh.weights(), design.surface, best.T_design_scan, inlier_mm).truncated_rms_mm

@@ -12,6 +12,7 @@
 #include "bridge.hpp"
 #include "plane_step.hpp"
 #include "point_tree.hpp"
+#include "spatial_order.hpp"
 #include "surface_tree.hpp"
 
 namespace nb = nanobind;
@@ -200,6 +201,10 @@ Out1<double> grid_costs(const In1<int64_t>& nearest, const In2<double>& samples,
     return to_numpy(std::move(cost));
 }
 
+// Points from which it pays to visit them in spatial order: the face of the last point is near the next one's,
+// and the triangles are in the cache. Chosen by hand; affects only the time.
+constexpr int64_t kManyPoints = 20'000;
+
 class SurfaceTarget {
    public:
     SurfaceTarget(const In2<double>& vertices, const In2<int32_t>& faces)
@@ -216,9 +221,13 @@ class SurfaceTarget {
         std::vector<int64_t> face(count);
         {
             const nb::gil_scoped_release no_gil;
+            const bool sorted = !near && count >= kManyPoints;
+            const std::vector<int32_t> order =
+                sorted ? cusp::spatial_order(points.data(), count) : std::vector<int32_t>();
             in_blocks(count, threads, [&](int64_t first, int64_t last) {
-                int32_t guess = -1;  // the last point's face: points come in an order that keeps together
-                for (int64_t i = first; i < last; ++i) {
+                int32_t guess = -1;  // the last point's face
+                for (int64_t k = first; k < last; ++k) {
+                    const int64_t i = sorted ? order[k] : k;
                     if (near) guess = static_cast<int32_t>(near->data()[i]);
                     const SurfacePoint found = tree_.closest(points.data() + 3 * i, guess);
                     guess = found.face;

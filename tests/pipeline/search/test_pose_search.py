@@ -39,7 +39,7 @@ def test_what_all_poses_share_speaks_for_none() -> None:
 
 def test_what_a_pose_leaves_of_an_offset_sphere() -> None:
     inner, outer = shapes.icosphere(10.0, 4), Surface(shapes.icosphere(11.0, 4))
-    scan = ScanModel(inner, RegistrationSettings(), 0)
+    scan = ScanModel.of(inner, RegistrationSettings(), 0)
     cost = scan.fine_samples.evaluate(np.eye(4), outer, 5.0)
     assert cost.rmse_mm == pytest.approx(1.0, rel=0.01)
     assert cost.cost_mm2 == pytest.approx(1.0, rel=0.02)
@@ -51,7 +51,7 @@ def test_what_a_pose_leaves_of_an_offset_sphere() -> None:
 def test_half_a_sphere_covers_half() -> None:
     whole = shapes.icosphere(10.0, 4)
     faces = whole.faces[(whole.vertices[whole.faces].mean(axis=1)[:, 2] > 0)]
-    half = ScanModel(type(whole)(whole.vertices, faces), RegistrationSettings(), 0)
+    half = ScanModel.of(type(whole)(whole.vertices, faces), RegistrationSettings(), 0)
     assert half.coverage(np.eye(4), 1.0, Surface(whole), 0.1) == pytest.approx(0.5, abs=0.02)
     assert len(sampling.on_surface(whole, 7, 0).points) == 7
 
@@ -62,8 +62,8 @@ def test_the_scan_of_one_side_of_a_thin_wall_covers_that_side_only() -> None:
     top = shapes.grid_plane(21, 21).moved(
         np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.4], [0, 0, 0, 1.0]])
     )
-    scan = ScanModel(top, RegistrationSettings(), 0)
+    scan = ScanModel.of(top, RegistrationSettings(), 0)
     side = 400.0 / float(plate.mesh.face_areas_mm2().sum())
     assert scan.coverage(np.eye(4), 1.0, plate, 1.0) == pytest.approx(side, abs=0.02)
-    inward = ScanModel(type(top)(top.vertices, top.faces[:, ::-1]), RegistrationSettings(), 0)
+    inward = ScanModel.of(type(top)(top.vertices, top.faces[:, ::-1]), RegistrationSettings(), 0)
     assert inward.coverage(np.eye(4), -1.0, plate, 1.0) == pytest.approx(side, abs=0.02)
