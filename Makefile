@@ -68,15 +68,17 @@ servers: # PostgreSQL, which tests start themselves (Debian keeps its commands o
 	    echo "No PostgreSQL is installed (apt-get install postgresql): tests that need it are skipped."; \
 	fi
 
-check: $(READY) ## ruff, mypy strict on both packages, the import order
+check: $(READY) ## ruff, clang-format, mypy strict on both packages, the import order
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/clang-format --dry-run --Werror pipeline/kernels/native/*pp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
 format: $(READY) ## format the code and fix what ruff can fix
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/clang-format -i pipeline/kernels/native/*pp
 
 image-test: $(READY) ## build the image with the available engine, run it, register the demo over HTTP, stop it
 	$(BIN)/python -m tests.image

@@ -1,8 +1,8 @@
 """How the service bears load: `python -m tests.endurance.load`
 
 Polling at a fixed rate while jobs keep both cores busy; a 300 MB upload; 10,000 waiting jobs listed, paged
-and dismissed; 1,000 small jobs done. The load comes from this process, on the same cores: its own share is in
-the table.
+and dismissed; 1,000 small jobs done; scans of one design. The load comes from this process, on the same
+cores: its own share is in the table.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from tests.endurance.load_batch import batch
 from tests.endurance.load_jobs import drain, overhead, queue
 from tests.endurance.load_polling import polling
 from tests.endurance.load_upload import upload
@@ -30,7 +31,8 @@ def main() -> None:
     parser.add_argument("--mib", type=int, default=300)
     parser.add_argument("--queued", type=int, default=10_000)
     parser.add_argument("--small", type=int, default=1_000)
-    parser.add_argument("--only", help="of: overhead polling upload queue drain, with commas between")
+    parser.add_argument("--arches", type=int, default=100)
+    parser.add_argument("--only", help="of: overhead polling upload queue drain batch, with commas between")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -46,6 +48,7 @@ def main() -> None:
             "polling": lambda: polling(service, design, scan, options.rate, options.seconds),
             "queue": lambda: queue(service, design, scan, options.queued),
             "drain": lambda: drain(service, options.small),
+            "batch": lambda: batch(service, folder, options.arches),
         }
         wanted = options.only.split(",") if options.only else list(steps)
         table = Table("what", "measured")

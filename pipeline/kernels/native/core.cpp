@@ -262,10 +262,11 @@ class Solver {
 
 }  // namespace
 
-void bind_copy_icp(nb::module_& m);  // copy_icp.cpp
-void bind_icp(nb::module_& m);       // icp.cpp
-void bind_fpfh(nb::module_& m);      // fpfh.cpp
-void bind_raster(nb::module_& m);    // raster.cpp
+void bind_copy_icp(nb::module_& m);      // copy_icp.cpp
+void bind_fpfh(nb::module_& m);          // fpfh.cpp
+void bind_icp(nb::module_& m);           // icp.cpp
+void bind_nearest_grid(nb::module_& m);  // nearest_grid.cpp
+void bind_raster(nb::module_& m);        // raster.cpp
 
 NB_MODULE(core, m) {
     m.doc() = "C++ core of kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py.";
@@ -293,6 +294,7 @@ NB_MODULE(core, m) {
         .def("windows", &Solver::windows, "source"_a, "radius"_a);
     bind_copy_icp(m);
     bind_icp(m);
+    bind_nearest_grid(m);
     bind_fpfh(m);
     bind_raster(m);
 }

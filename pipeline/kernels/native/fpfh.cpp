@@ -19,10 +19,10 @@ using namespace nb::literals;
 namespace {
 
 using cusp::CellGrid;
-using cusp::In2;
-using cusp::Out2;
 using cusp::cross;
 using cusp::dot;
+using cusp::In2;
+using cusp::Out2;
 using cusp::Vec;
 
 constexpr int kBins = 11, kWidth = 3 * kBins;
@@ -121,17 +121,17 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, double 
                 double total = 0;
                 for (int k = angle * kBins; k < (angle + 1) * kBins; ++k) total += sum[k];
                 for (int k = angle * kBins; k < (angle + 1) * kBins; ++k)
-                    full[kWidth * i + k] = (total == 0 ? 0 : sum[k] * (kTotal / total)) + simple[kWidth * i + k];
+                    full[kWidth * i + k] =
+                        (total == 0 ? 0 : sum[k] * (kTotal / total)) + simple[kWidth * i + k];
             }
         });
     }
     auto* owned = new std::vector<double>(std::move(full));
-    const nb::capsule owner(owned, [](void* memory) noexcept { delete static_cast<std::vector<double>*>(memory); });
+    const nb::capsule owner(owned,
+                            [](void* memory) noexcept { delete static_cast<std::vector<double>*>(memory); });
     return Out2<double>(owned->data(), {static_cast<size_t>(n), kWidth}, owner);
 }
 
 }  // namespace
 
-void bind_fpfh(nb::module_& m) {
-    m.def("fpfh", &fpfh, "points"_a, "normals"_a, "radius"_a, "threads"_a);
-}
+void bind_fpfh(nb::module_& m) { m.def("fpfh", &fpfh, "points"_a, "normals"_a, "radius"_a, "threads"_a); }

@@ -25,8 +25,8 @@ inline double norm(double x, double y) {
 // >= 0. The record fills one cache line.
 struct alignas(64) HalfEdge {
     double length, per_length, ox, oy;  // per_length : 1 / length, 0 if there is no length
-    int32_t start, end, opposite;  // vertices
-    int32_t at_start, at_end;      // half-edges of the same face whose opposite vertex is start, end
+    int32_t start, end, opposite;       // vertices
+    int32_t at_start, at_end;           // half-edges of the same face whose opposite vertex is start, end
     int32_t across;  // the half-edge of the adjacent face; -1 if there is none, or more than one
 };
 

@@ -1,6 +1,6 @@
 // Point-to-plane ICP from many start poses, to samples and to the exact surface; see kernels/icp.py and
-// kernels/surface.py. Poses run on threads; all sums of one pose run on one thread, in the order of the points.
-// Longer than other files: bindings of two targets and of the grid that ranks poses, which share their checks.
+// kernels/surface.py. Poses run on threads; all sums of one pose run on one thread, in the order of the
+// points.
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include "bridge.hpp"
 #include "plane_step.hpp"
 #include "point_tree.hpp"
+#include "rows.hpp"
 #include "spatial_order.hpp"
 #include "surface_tree.hpp"
 
@@ -20,6 +21,7 @@ using namespace nb::literals;
 
 namespace {
 
+using cusp::check_rows;
 using cusp::Correspondence;
 using cusp::In1;
 using cusp::In2;
@@ -31,20 +33,12 @@ using cusp::Out2;
 using cusp::OutMatrices;
 using cusp::Point;
 using cusp::PointTree;
+using cusp::row;
 using cusp::rows_of_three;
 using cusp::SurfacePoint;
 using cusp::SurfaceTree;
 using cusp::to_numpy;
 using cusp::Vec;
-
-Point row(const In2<double>& rows, int64_t i) {
-    const double* p = rows.data() + 3 * i;
-    return {p[0], p[1], p[2]};
-}
-
-void check_rows(const In2<double>& rows, size_t count, const char* what) {
-    if (rows.shape(1) != 3 || rows.shape(0) != count) throw std::invalid_argument(what);
-}
 
 // Which correspondences count, and how a step is damped.
 struct Rules {
@@ -57,7 +51,8 @@ class SampleTarget {
         : tree_(points.data(), static_cast<int32_t>(points.shape(0))) {
         check_rows(points, points.shape(0), "points must be (k, 3)");
         check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
-        for (int32_t slot = 0; slot < tree_.size(); ++slot) normals_.push_back(row(normals, tree_.number(slot)));
+        for (int32_t slot = 0; slot < tree_.size(); ++slot)
+            normals_.push_back(row(normals, tree_.number(slot)));
     }
 
     // A fixed number of steps from every pose: T (h, 4, 4), and the mean squared residual (h,), truncated at
@@ -82,10 +77,12 @@ class SampleTarget {
                     Motion motion = Motion::of(T.data() + 16 * pose);
                     slots[worker].assign(points.shape(0), -1);
                     for (int k = 0; k < iterations; ++k) {
-                        match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker], pairs[worker]);
+                        match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker],
+                              pairs[worker]);
                         motion = plane_step(pairs[worker], damping).after(motion);
                     }
-                    match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker], pairs[worker]);
+                    match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker],
+                          pairs[worker]);
                     cost[pose] = mean_cost(pairs[worker], max_distance);
                     motion.write(refined.data() + 16 * pose);
                 },
@@ -101,7 +98,8 @@ class SampleTarget {
         pairs.resize(count);
         for (int64_t i = 0; i < count; ++i) {
             const Point moved = motion(row(points, i));
-            const int32_t slot = tree_.nearest_within(moved, slots[i], rules.max_distance * rules.max_distance);
+            const int32_t slot =
+                tree_.nearest_within(moved, slots[i], rules.max_distance * rules.max_distance);
             pairs[i] = {moved, moved, {}, 0};
             if (slot < 0) continue;
             slots[i] = slot;
@@ -126,83 +124,8 @@ class SampleTarget {
     std::vector<Vec> normals_;  // by slot
 };
 
-// The sample nearest to the centre of each cell, nearer than `reach`, or the number of samples; see
-// kernels/nearest_grid.py. shape : cells along x, y, z; the last axis runs fastest
-Out1<int64_t> nearest_of_cells(const In2<double>& samples, const In1<double>& low, double cell,
-                               const In1<int64_t>& shape, double reach, int threads) {
-    check_rows(samples, samples.shape(0), "samples must be (k, 3)");
-    if (low.shape(0) != 3 || shape.shape(0) != 3) throw std::invalid_argument("a grid has three axes");
-    const int64_t *cells = shape.data(), row_length = cells[2];
-    const double* origin = low.data();
-    std::vector<int64_t> nearest(cells[0] * cells[1] * row_length);
-    {
-        const nb::gil_scoped_release no_gil;
-        const PointTree tree(samples.data(), static_cast<int32_t>(samples.shape(0)));
-        cusp::for_each(cells[0] * cells[1], threads, {}, [&](int, int64_t line) {
-            int32_t guess = -1;
-            for (int64_t k = 0; k < row_length; ++k) {
-                const Point centre{origin[0] + cell * (static_cast<double>(line / cells[1]) + 0.5),
-                                   origin[1] + cell * (static_cast<double>(line % cells[1]) + 0.5),
-                                   origin[2] + cell * (static_cast<double>(k) + 0.5)};
-                const int32_t slot = tree.nearest_within(centre, guess, reach * reach);
-                nearest[line * row_length + k] = slot < 0 ? tree.size() : tree.number(slot);
-                if (slot >= 0) guess = slot;
-            }
-        });
-    }
-    return to_numpy(std::move(nearest));
-}
-
-// Mean squared distance (h,) of the points under each pose to the sample of their cell, truncated; see
-// kernels/nearest_grid.py. nearest : the sample of each cell, the number of samples where there is none
-Out1<double> grid_costs(const In1<int64_t>& nearest, const In2<double>& samples, const In2<double>& sample_normals,
-                        const In1<double>& low, double cell, const In1<int64_t>& shape, const Matrices& T,
-                        const In1<double>& normal_sign, const In2<double>& points, const In2<double>& normals,
-                        double max_distance, double min_agreement, int threads) {
-    check_rows(samples, samples.shape(0), "samples must be (k, 3)");
-    check_rows(sample_normals, samples.shape(0), "normals must be (k, 3), as the samples");
-    check_rows(points, points.shape(0), "points must be (k, 3)");
-    check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
-    if (low.shape(0) != 3 || shape.shape(0) != 3 || normal_sign.shape(0) != T.shape(0) ||
-        static_cast<int64_t>(nearest.shape(0)) != shape.data()[0] * shape.data()[1] * shape.data()[2])
-        throw std::invalid_argument("a grid of three axes, one sample a cell, one normal sign a pose");
-    const auto poses = static_cast<int64_t>(T.shape(0)), count = static_cast<int64_t>(points.shape(0));
-    const auto no_sample = static_cast<int64_t>(samples.shape(0));
-    const double most = max_distance * max_distance;
-    std::vector<double> cost(poses);
-    {
-        const nb::gil_scoped_release no_gil;
-        cusp::for_each(poses, threads, {}, [&](int, int64_t pose) {
-            const Motion motion = Motion::of(T.data() + 16 * pose);
-            double sum = 0;
-            for (int64_t i = 0; i < count; ++i) {
-                const Point moved = motion(row(points, i));
-                int64_t cell_number = 0;
-                bool inside = true;
-                for (int axis = 0; axis < 3; ++axis) {
-                    const double at = std::floor((moved[axis] - low.data()[axis]) / cell);
-                    inside = inside && at >= 0 && at < static_cast<double>(shape.data()[axis]);
-                    cell_number = cell_number * shape.data()[axis] + (inside ? static_cast<int64_t>(at) : 0);
-                }
-                double squared = most;
-                const int64_t sample = inside ? nearest.data()[cell_number] : no_sample;
-                if (sample >= 0 && sample < no_sample) {
-                    const Vec turned = cusp::rotated(motion.R, row(normals, i));
-                    const Vec by = cusp::minus(moved.data(), samples.data() + 3 * sample);
-                    const double* n = sample_normals.data() + 3 * sample;
-                    if (normal_sign.data()[pose] * (turned[0] * n[0] + turned[1] * n[1] + turned[2] * n[2]) > min_agreement)
-                        squared = std::min(cusp::dot(by, by), most);
-                }
-                sum += squared;
-            }
-            cost[pose] = sum / static_cast<double>(count);
-        });
-    }
-    return to_numpy(std::move(cost));
-}
-
-// Points from which it pays to visit them in spatial order: the face of the last point is near the next one's,
-// and the triangles are in the cache. Chosen by hand; affects only the time.
+// Points from which it pays to visit them in spatial order: the face of the last point is near the next
+// one's, and the triangles are in the cache. Chosen by hand; affects only the time.
 constexpr int64_t kManyPoints = 20'000;
 
 class SurfaceTarget {
@@ -210,8 +133,8 @@ class SurfaceTarget {
     SurfaceTarget(const In2<double>& vertices, const In2<int32_t>& faces)
         : tree_(checked(vertices, faces), faces.data(), static_cast<int32_t>(faces.shape(0))) {}
 
-    // The closest point of the surface (k, 3), its face (k,), its barycentric weights (k, 3), the distance (k,).
-    // near : (k,) a face for each point that is likely near; it affects only the time
+    // The closest point of the surface (k, 3), its face (k,), its barycentric weights (k, 3), the distance
+    // (k,). near : (k,) a face for each point that is likely near; it affects only the time
     std::tuple<Out2<double>, Out1<int64_t>, Out2<double>, Out1<double>> closest(
         const In2<double>& points, const std::optional<In1<int64_t>>& near, int threads) const {
         check_rows(points, points.shape(0), "points must be (k, 3)");
@@ -287,7 +210,8 @@ class SurfaceTarget {
                     }
                     if (k - lowest_at >= stall_iterations) converged[pose] = 1;
                 }
-                if (std::count_if(pairs.begin(), pairs.end(), [](const auto& each) { return each.w > 0; }) < min_pairs)
+                if (std::count_if(pairs.begin(), pairs.end(), [](const auto& each) { return each.w > 0; }) <
+                    min_pairs)
                     break;
                 const Motion step = plane_step(pairs, damping);
                 motion = step.after(motion);
@@ -362,17 +286,15 @@ class SurfaceTarget {
 }  // namespace
 
 void bind_icp(nb::module_& m) {
-    m.def("nearest_of_cells", &nearest_of_cells, "samples"_a, "low"_a, "cell"_a, "shape"_a, "reach"_a, "threads"_a);
-    m.def("grid_costs", &grid_costs, "nearest"_a, "samples"_a, "sample_normals"_a, "low"_a, "cell"_a, "shape"_a,
-          "T"_a, "normal_sign"_a, "points"_a, "normals"_a, "max_distance"_a, "min_agreement"_a, "threads"_a);
     nb::class_<SampleTarget>(m, "SampleTarget")
         .def(nb::init<const In2<double>&, const In2<double>&>(), "points"_a, "normals"_a)
-        .def("refine", &SampleTarget::refine, "points"_a, "normals"_a, "T"_a, "normal_sign"_a, "max_distance"_a,
-             "min_agreement"_a, "damping"_a, "iterations"_a, "threads"_a);
+        .def("refine", &SampleTarget::refine, "points"_a, "normals"_a, "T"_a, "normal_sign"_a,
+             "max_distance"_a, "min_agreement"_a, "damping"_a, "iterations"_a, "threads"_a);
     nb::class_<SurfaceTarget>(m, "SurfaceTarget")
         .def(nb::init<const In2<double>&, const In2<int32_t>&>(), "vertices"_a, "faces"_a)
         .def("closest", &SurfaceTarget::closest, "points"_a, "near"_a.none(), "threads"_a)
         .def("refine", &SurfaceTarget::refine, "points"_a, "normals"_a.none(), "weights"_a, "T"_a,
              "normal_sign"_a, "max_distance"_a, "start_factor"_a, "decay"_a, "min_agreement"_a, "damping"_a,
-             "min_pairs"_a, "iterations"_a, "tolerance"_a, "stall_share"_a, "stall_iterations"_a, "threads"_a);
+             "min_pairs"_a, "iterations"_a, "tolerance"_a, "stall_share"_a, "stall_iterations"_a,
+             "threads"_a);
 }

@@ -59,8 +59,7 @@ struct Motion {
 
 // The rotation by a rotation vector, radians (Rodrigues)
 inline Matrix3 rotation_of(const Point& vector) {
-    const double angle =
-        std::sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
+    const double angle = std::sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
     const double inverse = 1 / std::max(angle, 1e-300);
     const double x = vector[0] * inverse, y = vector[1] * inverse, z = vector[2] * inverse;
     const double s = std::sin(angle), c = 1 - std::cos(angle);

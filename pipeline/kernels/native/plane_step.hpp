@@ -55,7 +55,8 @@ inline Motion plane_step(const std::vector<Correspondence>& pairs, double dampin
     std::array<double, 6> b{};
     for (const auto& each : pairs) {
         const Vec turn = cross(minus(each.p.data(), centre.data()), each.n);
-        const double J[6] = {turn[0] / scale, turn[1] / scale, turn[2] / scale, each.n[0], each.n[1], each.n[2]};
+        const double J[6] = {turn[0] / scale, turn[1] / scale, turn[2] / scale,
+                             each.n[0],       each.n[1],       each.n[2]};
         const double residual = each.w * dot(each.n, minus(each.q.data(), each.p.data()));
         for (int i = 0; i < 6; ++i) {
             b[i] += J[i] * residual;

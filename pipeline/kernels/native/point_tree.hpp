@@ -51,8 +51,8 @@ class PointTree {
         return result;
     }
 
-    // Slot of the nearest point whose squared distance is below `limit_sq`, -1 if there is none; among equally
-    // near ones that with the smallest number. guess : a slot that is likely near, or -1
+    // Slot of the nearest point whose squared distance is below `limit_sq`, -1 if there is none; among
+    // equally near ones that with the smallest number. guess : a slot that is likely near, or -1
     int32_t nearest_within(const Point& x, int32_t guess, double limit_sq) const {
         First result{-1, limit_sq};
         if (guess >= 0) consider_first(guess, x, result);

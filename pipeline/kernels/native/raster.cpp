@@ -20,9 +20,9 @@ using cusp::In2;
 using Out3f = nb::ndarray<nb::numpy, float, nb::ndim<3>>;
 using OutDepth = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
-constexpr int64_t kBand = 32;     // rows that one work item draws; affects only the time
-constexpr double kEdge = 1e-9;    // of a triangle: a sample this far outside counts as inside, so that no
-                                  // sample falls between two triangles that share an edge
+constexpr int64_t kBand = 32;   // rows that one work item draws; affects only the time
+constexpr double kEdge = 1e-9;  // of a triangle: a sample this far outside counts as inside, so that no
+                                // sample falls between two triangles that share an edge
 
 // Samples lie at x = left + column * step and y = top - row * step.
 struct Raster {
@@ -70,11 +70,13 @@ void draw_band(const double* vertices, const int32_t* faces, int64_t count, cons
         const Triangle triangle(vertices, faces + 3 * f);
         if (!(std::abs(triangle.area) > 0)) continue;
         const auto& c = triangle.corner;
-        const double y_low = std::min({c[0][1], c[1][1], c[2][1]}), y_high = std::max({c[0][1], c[1][1], c[2][1]});
+        const double y_low = std::min({c[0][1], c[1][1], c[2][1]}),
+                     y_high = std::max({c[0][1], c[1][1], c[2][1]});
         const int64_t from = std::max(first, clamped(std::ceil((at.top - y_high) / at.step - kEdge), last));
         const int64_t to = clamped(std::floor((at.top - y_low) / at.step + kEdge) + 1, last);
         if (from >= to) continue;
-        const double x_low = std::min({c[0][0], c[1][0], c[2][0]}), x_high = std::max({c[0][0], c[1][0], c[2][0]});
+        const double x_low = std::min({c[0][0], c[1][0], c[2][0]}),
+                     x_high = std::max({c[0][0], c[1][0], c[2][0]});
         const int64_t begin = clamped(std::ceil((x_low - at.left) / at.step - kEdge), at.width);
         const int64_t end = clamped(std::floor((x_high - at.left) / at.step + kEdge) + 1, at.width);
         for (int64_t row = from; row < to; ++row) {
@@ -97,7 +99,8 @@ std::tuple<Out3f, OutDepth> picture(const In2<double>& vertices, const In2<int32
                                     int threads) {
     if (vertices.shape(1) != 3 || faces.shape(1) != 3 || colours.shape(1) != 3 ||
         colours.shape(0) != vertices.shape(0))
-        throw std::invalid_argument("vertices, faces and colours must have three columns, one colour a vertex");
+        throw std::invalid_argument(
+            "vertices, faces and colours must have three columns, one colour a vertex");
     if (width <= 0 || height <= 0 || !(step > 0)) throw std::invalid_argument("the picture has no samples");
     const auto n = static_cast<int64_t>(vertices.shape(0)), count = static_cast<int64_t>(faces.shape(0));
     for (int64_t k = 0; k < 3 * count; ++k)
@@ -107,7 +110,8 @@ std::tuple<Out3f, OutDepth> picture(const In2<double>& vertices, const In2<int32
     auto* rgb = new std::vector<float>(3 * samples, static_cast<float>(background));
     const nb::capsule rgb_owner(rgb, [](void* p) noexcept { delete static_cast<std::vector<float>*>(p); });
     auto* depth = new std::vector<double>(samples, -std::numeric_limits<double>::infinity());
-    const nb::capsule depth_owner(depth, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+    const nb::capsule depth_owner(depth,
+                                  [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
     {
         const nb::gil_scoped_release no_gil;
         std::vector<int32_t> face(samples, -1);
@@ -119,7 +123,8 @@ std::tuple<Out3f, OutDepth> picture(const In2<double>& vertices, const In2<int32
                 if (face[sample] < 0) continue;
                 const int32_t* corners = faces.data() + 3 * static_cast<int64_t>(face[sample]);
                 const Triangle triangle(vertices.data(), corners);
-                const auto w = triangle.weights(left + (sample % width) * step, top - (sample / width) * step);
+                const auto w =
+                    triangle.weights(left + (sample % width) * step, top - (sample / width) * step);
                 const double light = ambient + (1 - ambient) * triangle.facing();
                 for (int k = 0; k < 3; ++k) {
                     double value = 0;

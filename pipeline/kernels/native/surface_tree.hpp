@@ -27,7 +27,8 @@ struct SurfacePoint {
 class SurfaceTree {
    public:
     // vertices (n, 3), faces (m, 3) with indices in [0, n), m >= 1
-    SurfaceTree(const double* vertices, const int32_t* faces, int32_t m) : corners_(9 * static_cast<size_t>(m)) {
+    SurfaceTree(const double* vertices, const int32_t* faces, int32_t m)
+        : corners_(9 * static_cast<size_t>(m)) {
         if (m < 1) throw std::invalid_argument("a surface needs a triangle");
         std::vector<Box> box(m);
         std::vector<Vec> middle(m);
@@ -73,7 +74,7 @@ class SurfaceTree {
     int32_t size() const { return static_cast<int32_t>(order_.size()); }
 
    private:
-    static constexpr int32_t kLeaf = 2;    // triangles of a leaf, at most; affects only the time
+    static constexpr int32_t kLeaf = 2;     // triangles of a leaf, at most; affects only the time
     static constexpr int kMostLevels = 64;  // the tree halves its triangles, of which there are below 2^31
     // Relative: a box is left out only if it is farther by more than this, since distances are rounded.
     static constexpr double kSlack = 1e-12;
@@ -176,7 +177,7 @@ class SurfaceTree {
     }
 
     // Triangles are stored in the order of the leaves: `slot` is a position in it.
-    std::vector<double> corners_;      // (m, 3 corners, 3) by slot
+    std::vector<double> corners_;        // (m, 3 corners, 3) by slot
     std::vector<int32_t> order_, slot_;  // the face of a slot, the slot of a face
     std::vector<Node> nodes_;
 };

@@ -230,14 +230,13 @@ class WindowSearch {
     }
 
     // d0, d1 : distances of the ends from the source
-    [[gnu::noinline]] void transfer(const HalfEdge& edge, int32_t from, double u0, double u1, double x, double depth,
-                  double sigma, double d0, double d1) {
+    [[gnu::noinline]] void transfer(const HalfEdge& edge, int32_t from, double u0, double u1, double x,
+                                    double depth, double sigma, double d0, double d1) {
         const HalfEdge& over = mesh_.edges[edge.across];
         const double length = edge.length;
-        const Window window = over.start == from
-                                  ? Window{u0, u1, x, depth, sigma, d0, d1, edge.across}
-                                  : Window{length - u1, length - u0, length - x, depth, sigma, d1, d0,
-                                           edge.across};
+        const Window window = over.start == from ? Window{u0, u1, x, depth, sigma, d0, d1, edge.across}
+                                                 : Window{length - u1, length - u0, length - x, depth,
+                                                          sigma,       d1,          d0,         edge.across};
         if (is_useful(window, over)) add(window);
     }
 

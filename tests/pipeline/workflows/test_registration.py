@@ -43,6 +43,22 @@ def registered(
     return result, folder / "out"
 
 
+@pytest.mark.parametrize(
+    ("content", "files"),
+    [
+        ("light", {"results.json", "landmarks.csv", "aligned.ply", "deviation.ply"}),
+        ("none", {"results.json"}),
+    ],
+)
+def test_fewer_files_where_fewer_are_asked_for(
+    content: str, files: set[str], design: Path, tmp_path: Path
+) -> None:
+    settings = Settings.model_validate(FAST | {"report": {"content": content}})
+    scan = save(scanned(shapes.motion(11)), tmp_path / "scan.ply")
+    result = pipeline.register(design, scan, settings=settings, out=tmp_path / "out")
+    assert set(result.files) == {path.name for path in (tmp_path / "out").iterdir()} == files
+
+
 def test_known_motion_is_recovered(registered: tuple[pipeline.RegistrationResult, Path]) -> None:
     result, _ = registered
     assert result.verdict.status == "ok"
