@@ -91,6 +91,7 @@ docs: $(READY) ## write the generated parts of docs/
 
 bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on real ones
 	$(BIN)/python -m tests.accuracy.geodesics
+	$(BIN)/python -m tests.accuracy.job_costs
 	$(BIN)/python -m tests.accuracy.teeth
 	$(BIN)/python -m tests.accuracy.landmarks
 	$(BIN)/python -m tests.accuracy.bench

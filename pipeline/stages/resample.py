@@ -96,7 +96,9 @@ def resample(
     longer = _allowed_edge_mm(surface, edge_mm, settings) / edge_mm
     fine = None
     if fine_edge_mm is not None:
-        fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings, noisy)
+        # Features want every crease: with fewer, 3 % fewer landmarks are found again.
+        creases = remesh.CREASE_DEG
+        fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings, noisy, crease_deg=creases)
         if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
             surface = fine  # near enough for the coarser one, and remeshed in half the time
     working = _remeshed(surface, area, name, longer * edge_mm, settings, noisy)
@@ -116,9 +118,17 @@ def _area_mm2(surface: Mesh) -> float:
 
 
 def _remeshed(
-    surface: Mesh, area_mm2: float, name: str, edge_mm: float, settings: ResampleSettings, noisy: bool
+    surface: Mesh,
+    area_mm2: float,
+    name: str,
+    edge_mm: float,
+    settings: ResampleSettings,
+    noisy: bool,
+    crease_deg: float | None = None,
 ) -> Mesh:
-    """noisy : the surface was; where what is left of the noise still makes creases, none is kept"""
+    """noisy : the surface was; where what is left of the noise still makes creases, none is kept;
+    crease_deg : as of `remesh.isotropic`
+    """
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
         surface = remesh.decimated(surface, int(DECIMATE_ABOVE / 2 * wanted))
@@ -126,7 +136,7 @@ def _remeshed(
     if remesh.edge_mm(surface, NEARLY_ALL) <= SHORT_EDGES * edge_mm:
         passes = min(passes, FEW_PASSES)
     try:
-        remeshed = remesh.isotropic(surface, edge_mm, passes)
+        remeshed = remesh.isotropic(surface, edge_mm, passes, crease_deg=crease_deg)
         too_fine = (1 - EDGE_TOLERANCE) * edge_mm
         if noisy and len(remeshed.faces) and remesh.edge_mm(remeshed, 0.5) < too_fine:
             without = remesh.NO_CREASE_DEG
