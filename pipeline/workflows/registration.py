@@ -54,9 +54,9 @@ def run_registration(
             folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
         ),
     )
-    is_new = design is None or bool(outcome.design.cached.files) is not had_files
-    if design_cache is not None and is_new:
-        outcome.design.save(design_cache)  # after the files of the design were written, which it holds too
+    has_files = bool(outcome.design.cached.files)  # those of the design, which the model keeps
+    if design_cache is not None and (design is None or has_files is not had_files):
+        outcome.design.save(design_cache)
     return result
 
 

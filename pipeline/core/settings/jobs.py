@@ -67,7 +67,10 @@ class ReportSettings(Section):
     @model_validator(mode="after")
     def _files_to_write(self) -> Self:
         if not self.writes_files and (self.pdf or self.three_mf):
-            raise ValueError("report.pdf and report.three_mf are files: they need report.write_files")
+            raise ValueError(
+                "report.pdf and report.three_mf are files: they need report.write_files, and report.content "
+                "other than none"
+            )
         if self.content == "light" and self.pdf:
             raise ValueError("report.pdf is the page of report.html: it needs report.content full")
         return self
