@@ -16,6 +16,7 @@ def register(
     *,
     settings: Settings | None = None,
     tolerance_mm: float | None = None,
+    scan_accuracy_mm: float | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     design_cache: Path | str | None = None,
@@ -30,6 +31,9 @@ def register(
     tolerance_mm : > 0, for `deviation.within / above / below`; None leaves them null. It also says how
         certain the pose must be: `under_constrained` when a motion is less certain (one sigma); None:
         `registration.free_motion_share`.
+    scan_accuracy_mm : > 0, accuracy of the scanner (one sigma), as its maker states it: how far a scan of a
+        right part may lie off the design; None takes `registration.scan_accuracy_mm`, and without that only
+        what the scan itself shows
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
     design_cache : file where the analysis of the design is kept for its next scan; made when it is not there,
@@ -42,16 +46,17 @@ def register(
         When there can be no result: the file is unreadable or has no usable surface. "No pose found" is a
         result: `verdict.status == "no_match"`, `transform is None`.
     ValueError
-        When `tolerance_mm` is not above 0.
+        When `tolerance_mm` or `scan_accuracy_mm` is not above 0.
     """
-    if tolerance_mm is not None and not 0 < tolerance_mm < float("inf"):
-        raise ValueError(f"tolerance_mm is {tolerance_mm}; it must be above 0")
+    for name, length_mm in (("tolerance_mm", tolerance_mm), ("scan_accuracy_mm", scan_accuracy_mm)):
+        if length_mm is not None and not 0 < length_mm < float("inf"):
+            raise ValueError(f"{name} is {length_mm}; it must be above 0")
     from pipeline.workflows.registration import run_registration  # here: importing this module stays cheap
 
     return run_registration(
         MeshFile.of(design),
         MeshFile.of(scan),
-        JobParameters(settings or Settings(), seed, tolerance_mm),
+        JobParameters.of(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm),
         out=None if out is None else Path(out),
         design_cache=None if design_cache is None else Path(design_cache),
         on_progress=on_progress,

@@ -131,8 +131,8 @@ def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
     with file.path.open("rb") as content:
         content_sha256 = hashlib.file_digest(content, "sha256").hexdigest()
     ending = Path(file.filename or file.path.name).suffix.lower()
-    method = settings.model_dump(
-        mode="json", exclude={"report"}
-    )  # the report changes nothing of the analysis
+    # what changes nothing of the analysis of a design
+    later = {"registration", "deviation", "study", "report"}
+    method = settings.model_dump(mode="json", exclude=later)
     sources = [content_sha256, ending, file.unit, method, seed, code_fingerprint()]
     return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()

@@ -1,6 +1,6 @@
 """Reading the meshes of a job: load, clean, and what the results say about each input."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.core.mesh import Mesh
 from pipeline.core.mesh_file import MeshFile
@@ -10,22 +10,36 @@ from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.load import Loaded, load
+from pipeline.stages.strays import Strays, without_specks
 
 
 @dataclass(frozen=True, slots=True)
 class InputMesh:
     """One mesh of a job, read. name : `design`, `scan` or `mesh`; loaded : as in the file, in mm; cleaned :
-    what every later stage works on
+    what every later stage works on; strays : what was left out of it
     """
 
     name: str
     loaded: Loaded
     cleaned: Cleaned
+    strays: tuple[Strays, ...] = ()
 
     @property
     def mesh(self) -> Mesh:
         """The cleaned mesh, which `vertex` in the results indexes."""
         return self.cleaned.mesh
+
+    @property
+    def left_out_share(self) -> float:
+        """Share of the area (of a cloud: of the points) in stray pieces that were left out."""
+        kept = 1.0
+        for strays in self.strays:
+            kept *= 1.0 - float(strays.share.sum())
+        return 1.0 - kept
+
+    def without(self, cleaned: Cleaned, strays: Strays) -> "InputMesh":
+        """The same with more left out. strays : what `cleaned` no longer has"""
+        return replace(self, cleaned=cleaned, strays=(*self.strays, strays)) if strays.any else self
 
     def record(self) -> Input:
         """Its entry in `provenance.inputs`."""
@@ -52,7 +66,7 @@ class InputMesh:
         if self.mesh.is_cloud:
             detail = f"{self.name}: a point cloud; a surface was reconstructed for the analysis only"
             notes.append(Note(code="point_cloud", detail=detail))
-        return notes
+        return [*notes, *(note for strays in self.strays for note in strays.notes(self.name))]
 
 
 def read_mesh(
@@ -68,4 +82,5 @@ def read_mesh(
     with timer.stage(Stage.LOAD, name):
         loaded = load(file, name, settings.load, needs_surface=needs_surface)
     with timer.stage(Stage.CLEAN, name):
-        return InputMesh(name, loaded, clean(loaded.mesh, name, settings.clean))
+        cleaned, specks = without_specks(clean(loaded.mesh, name, settings.clean))
+        return InputMesh(name, loaded, cleaned, (specks,) if specks.any else ())

@@ -13,7 +13,25 @@ class JobParameters:
     seed: int
     tolerance_mm: float | None
 
+    @classmethod
+    def of(
+        cls, settings: Settings, seed: int, tolerance_mm: float | None, scan_accuracy_mm: float | None
+    ) -> "JobParameters":
+        """scan_accuracy_mm : of the scanner (1 sigma); it replaces that of the settings, None leaves it"""
+        if scan_accuracy_mm is not None:
+            changed = {"scan_accuracy_mm": scan_accuracy_mm}
+            registration = settings.registration.model_copy(update=changed)
+            settings = settings.model_copy(update={"registration": registration})
+        return cls(settings, seed, tolerance_mm)
+
     def max_sigma_mm(self, design_diagonal_mm: float) -> float:
         """How uncertain (1 sigma) a motion may be: the tolerance, or a share of the design's diagonal."""
         share = self.settings.registration.free_motion_share
         return share * design_diagonal_mm if self.tolerance_mm is None else self.tolerance_mm
+
+    def residual_limit_mm(self, design_diagonal_mm: float) -> float:
+        """Truncated RMS distance up to which a scan of the part may be `ok`: what prints warp, the scanner
+        and the tolerance of the part leave, as independent contributions.
+        """
+        without_tolerance_mm = self.settings.registration.residual_limit_mm(design_diagonal_mm)
+        return float((without_tolerance_mm**2 + (self.tolerance_mm or 0.0) ** 2) ** 0.5)

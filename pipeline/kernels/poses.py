@@ -120,22 +120,28 @@ def distinct(
     apart_mm: float,
     most: int,
     symmetries: Sequence[FloatArray] = (),
+    normal_sign: FloatArray | None = None,
 ) -> IndexArray:
     """Indices of poses in `order` that differ from every earlier one by at least `apart_mm`; at most `most`.
 
     T : (h, 4, 4); order : (h,) indices, best first; probes : (k, 3) mm, source points over which the RMS
     difference is taken; symmetries : (4, 4) each, of the target. A pose equivalent to an earlier one by a
-    symmetry is dropped too.
+    symmetry is dropped too. normal_sign : (h,) poses of different signs are different however near they are:
+    the scan of one face of a thin wall lies on one face or on the other.
     """
+    sign = np.ones(len(T)) if normal_sign is None else normal_sign
     placed = rigid.transformed(T[order], probes)
     group = np.array([np.eye(4), *symmetries])
     taken = np.empty((len(order) * len(group), *probes.shape))
+    taken_sign = np.empty(len(order) * len(group))
     kept: list[int] = []
     for number in range(len(order)):
         earlier = taken[: len(kept) * len(group)]
         squared = ((earlier - placed[number]) ** 2).sum(axis=2).mean(axis=1)
-        if not (squared < apart_mm**2).any():
-            taken[len(earlier) : len(earlier) + len(group)] = rigid.transformed(group, placed[number])
+        same_side = taken_sign[: len(earlier)] == sign[order[number]]
+        if not ((squared < apart_mm**2) & same_side).any():
+            new = slice(len(earlier), len(earlier) + len(group))
+            taken[new], taken_sign[new] = rigid.transformed(group, placed[number]), sign[order[number]]
             kept.append(number)
             if len(kept) == most:
                 break

@@ -33,6 +33,8 @@ from pipeline.report.sections import Drawing, Pictures, Section
 PICTURE_PX = (520, 380)
 MEANING = {
     "ok": "The alignment is valid and unique. The figures below describe the quality of the print.",
+    "uncertain": "A pose was found and it is the best by a clear lead, but the evidence is not enough to "
+    "vouch for it. The findings say what would settle it.",
     "ambiguous": "Several poses fit the scan equally well, and the data do not show which is correct. "
     "Check the pose before you use it.",
     "under_constrained": "The part can move along at least one degree of freedom without a worse fit: "
@@ -48,7 +50,13 @@ MEANING = {
 #: Digits of an input's SHA-256 in the footer.
 HASH_DIGITS = 12
 #: Style of the verdict box by status; "bad" for the others.
-MOODS = {"ok": "good", "ambiguous": "warn", "under_constrained": "warn", "units_suspect": "warn"}
+MOODS = {
+    "ok": "good",
+    "uncertain": "warn",
+    "ambiguous": "warn",
+    "under_constrained": "warn",
+    "units_suspect": "warn",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,10 +172,18 @@ def _verdict(verdict: Verdict) -> dict[str, object]:
     return {
         "status": verdict.status.replace("_", " "),
         "mood": MOODS.get(verdict.status, "bad"),
-        "confidence": f"{verdict.confidence:.2f}" if verdict.confidence else "",
+        "confidence": _confidence(verdict.confidence),
+        "why": tables.evidence(verdict),
         "sentence": MEANING[verdict.status],
         "findings": [(each.code, each.detail) for each in verdict.findings],
     }
+
+
+def _confidence(value: float | None) -> str:
+    """Nothing without a pose, which has confidence 0."""
+    if value is None:
+        return f"confidence {tables.NOT_GIVEN}"
+    return f"confidence {value:.2f} (0 to 1)" if value > 0 else ""
 
 
 def _drawing(out: Path, title: str, name: str, *, full: bool = False) -> list[Drawing]:

@@ -9,14 +9,17 @@ from pipeline.core.results import (
     DesignDeviation,
     Deviation,
     Distances,
+    Evidence,
     Input,
     LandmarksResult,
     MadeBy,
     Metrics,
     RegistrationResult,
+    ScanQuality,
     SegmentDeviation,
     Segments,
     Transform,
+    Verdict,
 )
 from pipeline.report import palette
 from pipeline.report.numbers import fixed, millimetres, percent, signed
@@ -35,6 +38,44 @@ class Table:
     note: str = ""
     colours: Sequence[str] = field(default_factory=list)
     kind: str = "table"  # of section, for the template
+
+
+#: The two probabilities of a verdict: field, and what each is of.
+PROBABILITIES = (
+    ("same_part", "probability that the scan is of this design"),
+    ("pose", "probability that the pose is right, if it is"),
+)
+NOT_GIVEN = "not given"
+
+
+def evidence(verdict: Verdict) -> list[Table]:
+    """One table for each of the two probabilities; none for a verdict without evidence."""
+    if not verdict.evidence:
+        return []
+    columns = ("evidence", "value", "weight", "contribution", "what it measures")
+    numbers = frozenset(columns[1:4])
+    return [
+        Table(
+            f"{of.replace('_', ' ')}: {probability(getattr(verdict, of))}",
+            columns,
+            [_evidence_row(each) for each in verdict.evidence if each.of == of],
+            numbers,
+            note,
+        )
+        for of, note in PROBABILITIES
+    ]
+
+
+def _evidence_row(each: Evidence) -> tuple[str, ...]:
+    amount = signed(each.contribution, 2)
+    side = "neither" if not amount.strip("0.") else "for" if each.contribution > 0 else "against"
+    name = each.name.replace("_", " ")
+    return (name, fixed(each.value, 2), fixed(each.weight, 2), f"{side} {amount}", each.detail)
+
+
+def probability(value: float | None) -> str:
+    """`0.97`; null where the settings differ from those that the models were fitted with."""
+    return NOT_GIVEN if value is None else f"{value:.2f}"
 
 
 def both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
@@ -121,8 +162,20 @@ def registration(result: RegistrationResult) -> Table:
         size = "-" if result.scale.isotropic is None else fixed(result.scale.isotropic, 5)
         rows.append(("scale of the scan relative to the design (not applied)", size))
         rows.append(("residual deformation", millimetres(result.scale.warp_mm)))
+    if result.scan is not None:
+        rows += _scan_quality(result.scan)
     note = "RMSE: area-weighted, over every vertex of the cleaned scan, without excluding outliers."
     return Table("Registration", ("quantity", "value"), rows, frozenset({"value"}), note)
+
+
+def _scan_quality(scan: ScanQuality) -> list[tuple[str, str]]:
+    accuracy = "not stated" if scan.accuracy_mm is None else f"{scan.accuracy_mm:g} mm"
+    return [
+        ("noise of the scan (1 sigma, from local surface fits)", millimetres(scan.noise_mm)),
+        ("stated accuracy of the scanner (1 sigma)", accuracy),
+        ("residual limit for the verdict ok", millimetres(scan.residual_limit_mm)),
+        ("share of the scan left out as stray pieces", percent(scan.left_out_share)),
+    ]
 
 
 def alternatives(poses: Sequence[Alternative], *, rejected: bool) -> list[Table]:
@@ -134,17 +187,20 @@ def alternatives(poses: Sequence[Alternative], *, rejected: bool) -> list[Table]
             number + 1,
             f"{each.score:.3g}",
             millimetres(each.rmse_mm),
-            "symmetry of the design"
-            if each.symmetry_of_design
-            else "rejected"
-            if rejected
-            else "alternative pose",
+            _type_of(each, rejected=rejected),
         )
         for number, each in enumerate(poses)
     ]
     title = "Rejected poses" if rejected else "Alternative poses"
     note = "Score: cost relative to that of the best pose; 1 means equally good."
     return [Table(title, ("number", "score", "RMSE", "type"), rows, frozenset({"score", "RMSE"}), note)]
+
+
+def _type_of(pose: Alternative, *, rejected: bool) -> str:
+    if not pose.symmetry_of_design:
+        return "rejected" if rejected else "alternative pose"
+    count = pose.equivalent_poses
+    return "symmetry of the design" + (f", stands for {count} equivalent poses" if count > 1 else "")
 
 
 def segments(result: Segments) -> Table:

@@ -130,7 +130,9 @@ class HypothesisSearch:
     def _keep_distinct(self, pool: PosePool, cost_mm2: FloatArray, count: int) -> PosePool:
         order = np.argsort(cost_mm2, kind="stable")[: MATCHING.max_ranked]
         apart_mm = MATCHING.distinct_share * self._diagonal_mm
-        return pool.take(poses.distinct(pool.T, order, self._box, apart_mm, count, self._symmetries))
+        return pool.take(
+            poses.distinct(pool.T, order, self._box, apart_mm, count, self._symmetries, pool.normal_sign)
+        )
 
     def _new(self, pool: PosePool, known: PosePool) -> PosePool:
         """Those of `pool` that are none of `known`, each once, lowest cost first."""
@@ -138,7 +140,8 @@ class HypothesisSearch:
         order = np.argsort(pool.cost_mm2, kind="stable")
         order = np.concatenate([np.arange(len(known.T)), len(known.T) + order])
         apart_mm = MATCHING.neighbour_share * self._diagonal_mm
-        kept = poses.distinct(T, order, self._box, apart_mm, len(order), self._symmetries)
+        sign = np.concatenate([known.normal_sign, pool.normal_sign])
+        kept = poses.distinct(T, order, self._box, apart_mm, len(order), self._symmetries, sign)
         return pool.take(kept[kept >= len(known.T)] - len(known.T))
 
 

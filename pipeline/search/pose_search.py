@@ -110,7 +110,7 @@ class _Refiner:
     def __init__(self, scan: ScanModel, design: Surface, settings: RegistrationSettings) -> None:
         self._scan, self._design, self._settings = scan, design, settings
         self._diagonal_mm = design.mesh.diagonal_mm
-        self.inlier_mm = settings.inlier_share * self._diagonal_mm
+        self.inlier_mm = settings.inlier_distance_mm(self._diagonal_mm)
 
     def trials(self, seeds: list[Seed]) -> list[tuple[Pose, Seed]]:
         """A short ICP on few points from each seed; the distinct poses, lowest cost first."""
@@ -128,7 +128,7 @@ class _Refiner:
 
     def early_reject(self, best: Pose) -> bool:
         """Whether even the best trial lies too far off for this part."""
-        limit_mm = REGISTRATION.early_reject_ratio * self._settings.max_residual_share * self._diagonal_mm
+        limit_mm = REGISTRATION.early_reject_ratio * self._settings.residual_limit_mm(self._diagonal_mm)
         return best.cost_mm2 > limit_mm**2
 
     def finish(self, poses: list[Pose]) -> list[Pose]:
@@ -180,13 +180,20 @@ class _Refiner:
         )
 
     def distinct(self, poses: list[Pose]) -> list[Pose]:
-        """Of poses that coincide, the first."""
+        """Of poses that coincide, the first. Poses of different normal signs do so only where they are one:
+        a thin wall has two sides.
+        """
         points = self._scan.coarse_samples.points
         apart_mm = REGISTRATION.distinct_share * self._diagonal_mm
+        one_pose_mm = REGISTRATION.one_pose_share * self._diagonal_mm
+
+        def coincide(pose: Pose, other: Pose) -> bool:
+            limit_mm = apart_mm if pose.normal_sign == other.normal_sign else one_pose_mm
+            return rigid.rms_displacement(pose.T_design_scan, other.T_design_scan, points) <= limit_mm
+
         kept: list[Pose] = []
         for pose in poses:
-            T = pose.T_design_scan
-            if all(rigid.rms_displacement(T, each.T_design_scan, points) > apart_mm for each in kept):
+            if not any(coincide(pose, each) for each in kept):
                 kept.append(pose)
         return kept
 

@@ -95,6 +95,7 @@ class RegistrationSchedule:
         1.1  # times the margin of the verdict: alternatives that score less are refined too
     )
     distinct_share: float = 0.01  # RMS displacement below which two poses are one
+    one_pose_share: float = 0.001  # the same of two poses whose normals face opposite ways
     convergence_share: float = 2e-5  # a step below this is convergence; noise moves the pose by 1e-5 for ever
     coverage_samples: int = 10_000  # design points whose coverage is looked up
     occlusion_samples: int = 500  # scan points whose visibility is tested

@@ -57,10 +57,11 @@ class Registration:
     """best : the final pose; alternatives : other distinct poses, by score; fit : under the best; source :
     what the best started from; matching : landmark matches under the best; rmse_* : as in
     `core.results.Metrics`;
-    observability : of the scan points that lie on the design; scan_surface : of the cleaned scan in its own
-    frame, None for a point cloud
+    observability : of the scan points that lie on the design; scan : the cleaned scan; scan_surface : its
+    surface in its own frame, None for a point cloud
     """
 
+    scan: Mesh
     best: Pose
     alternatives: tuple[Pose, ...]
     fit: Fit
@@ -89,7 +90,7 @@ def register(
     match_under : the landmark matches under a pose T_design_scan; max_sigma_mm : a motion that is less
     certain (1 sigma) is unconstrained
     """
-    inlier_mm = settings.inlier_share * design.mesh.diagonal_mm
+    inlier_mm = settings.inlier_distance_mm(design.mesh.diagonal_mm)
     model, weights = ScanModel.of(scan, settings, seed), scan.weights()
     search = search_pose(model, design, matching, settings)
     few = ScanPoints.of(scan, REGISTRATION.complete_samples, seed)
@@ -98,6 +99,7 @@ def register(
     matching = match_under(search.best.T_design_scan)
     T_landmarks = matching.T_landmarks
     return Registration(
+        scan=scan,
         best=search.best,
         alternatives=search.alternatives,
         fit=fit,

@@ -4,8 +4,6 @@ pose.
 Each is tested only where the first fit gives cause, and by evidence on the surfaces alone.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pipeline.analysis.design_model import DesignModel
@@ -23,33 +21,26 @@ from pipeline.core.settings import RegistrationSettings
 from pipeline.core.timing import silent
 from pipeline.search.pose_search import search_pose
 from pipeline.search.scan_model import ScanModel
-from pipeline.search.score_ratio import SCORE_LIMITS
+from pipeline.search.score_ratio import SCORE_LIMITS, score_ratio
+from pipeline.stages.matching import match_landmarks
 from pipeline.stages.registration import Registration, evaluate_fit
 from pipeline.verification.equivalent_poses import add_equivalent_poses
-from pipeline.verification.thresholds import HYPOTHESES, UNIT_FACTORS
+from pipeline.verification.evidence import Case, probability, rival_values, same_part, surface_values
+from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorCheck
+from pipeline.verification.scan_quality import ScannerQuality
+from pipeline.verification.surface_evidence import assess_surfaces
+from pipeline.verification.thresholds import CONFIDENCE, HYPOTHESES, UNIT_FACTORS, VERDICT
 
 
-@dataclass(frozen=True, slots=True)
-class HypothesisChecks:
-    """unit_factor : the only one under which the scan fits, None for mm; mirrored_rms_mm : truncated RMS of
-    the mirrored scan under its best pose, None where that was not tested; symmetric : for each alternative
-    pose whether it is equivalent by a symmetry of the design
-    """
-
-    unit_factor: float | None
-    mirrored_rms_mm: float | None
-    symmetric: tuple[bool, ...]
-
-
-def fits(registration: Registration, diagonal_mm: float, settings: RegistrationSettings) -> bool:
+def fits(registration: Registration, quality: ScannerQuality, settings: RegistrationSettings) -> bool:
     """Whether enough of the scan lies near enough to the design."""
     fit = registration.fit
     is_enough = fit.fitness >= settings.min_fitness and registration.design_coverage >= settings.min_coverage
-    return is_enough and fit.truncated_rms_mm <= settings.max_residual_share * diagonal_mm
+    return is_enough and fit.truncated_rms_mm <= quality.residual_limit_mm
 
 
 def verify_hypotheses(
-    registered: RegisteredScan, design: DesignModel, job: JobParameters
+    registered: RegisteredScan, quality: ScannerQuality, design: DesignModel, job: JobParameters
 ) -> tuple[RegisteredScan, HypothesisChecks]:
     """Another unit where the scan does not fit, the mirror image where it fits loosely, and equivalent poses.
 
@@ -58,24 +49,21 @@ def verify_hypotheses(
     The scan under the hypothesis that holds (in another unit, or from a better equivalent pose), and the
     checks.
     """
-    diagonal_mm, settings = design.diagonal_mm, job.settings.registration
+    settings = job.settings.registration
     unit_factor = mirrored = None
-    if not fits(registered.registration, diagonal_mm, settings):
-        rescaled = check_other_units(registered.scan, design, job)
+    if not fits(registered.registration, quality, settings):
+        rescaled = check_other_units(registered.scan, quality, design, job)
         if rescaled is not None:
             unit_factor, registered = rescaled
     rms_mm = registered.registration.fit.truncated_rms_mm
-    if unit_factor is None and rms_mm > settings.mirror_share * diagonal_mm:
-        mirrored = check_mirror_image(registered, design, job)
-    if unit_factor is None and not fits(registered.registration, diagonal_mm, settings):
-        no_symmetry = (False,) * len(registered.registration.alternatives)
-        return registered, HypothesisChecks(unit_factor, mirrored, no_symmetry)
+    if unit_factor is None and rms_mm > settings.mirror_share * design.diagonal_mm:
+        mirrored = check_mirror_image(registered, quality, design, job)
     registered, symmetric = add_equivalent_poses(registered, design, job)
     return registered, HypothesisChecks(unit_factor, mirrored, symmetric)
 
 
 def check_other_units(
-    scan: Analysis, design: DesignModel, job: JobParameters
+    scan: Analysis, quality: ScannerQuality, design: DesignModel, job: JobParameters
 ) -> tuple[float, RegisteredScan] | None:
     """The unit factor under which the scan fits the design, nearest in size first, or None."""
     diagonal_mm, settings = design.diagonal_mm, job.settings.registration
@@ -98,19 +86,47 @@ def check_other_units(
         is_tight = registered.registration.fit.truncated_rms_mm <= tight_mm
         is_whole = scaled.diagonal_mm >= HYPOTHESES.whole_part_ratio * diagonal_mm
         is_held = is_whole or not registered.registration.observability.unconstrained
-        if is_tight and is_held and fits(registered.registration, diagonal_mm, settings):
-            return factor, registered
+        if is_tight and is_held and fits(registered.registration, quality, settings):
+            no_symmetry = (False,) * len(registered.registration.alternatives)
+            checks = HypothesisChecks(factor, None, no_symmetry)
+            if same_part(Case.of(registered, checks, quality, design, job)) >= VERDICT.ok_same_part:
+                return factor, registered
     return None
 
 
-def check_mirror_image(registered: RegisteredScan, design: DesignModel, job: JobParameters) -> float:
-    """Truncated RMS distance (mm) of the mirrored scan under its best pose."""
-    settings = job.settings
+def check_mirror_image(
+    registered: RegisteredScan, quality: ScannerQuality, design: DesignModel, job: JobParameters
+) -> MirrorCheck:
+    """How well the mirrored scan fits under its best pose."""
+    settings, registration, scan = job.settings, registered.registration, registered.scan
     described = registered.described.mirrored(design.matching_mm, settings.matching)
     matching = match_to_design(described, design, job)
-    surface = registered.registration.scan_surface
-    model = ScanModel.mirrored(registered.scan.mesh, surface, settings.registration, job.seed)
-    mesh = model.mesh
-    best = search_pose(model, design.surface, matching, settings.registration, thorough=False).best
-    inlier_mm = registered.registration.inlier_distance_mm
-    return evaluate_fit(mesh, mesh.weights(), design.surface, best.T_design_scan, inlier_mm).truncated_rms_mm
+    model = ScanModel.mirrored(scan.mesh, registration.scan_surface, settings.registration, job.seed)
+    search = search_pose(model, design.surface, matching, settings.registration, thorough=False)
+    inlier_mm, best = registration.inlier_distance_mm, search.best
+    fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
+    rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
+    if rms_mm > settings.registration.mirror_gain * of_scan_mm:
+        return MirrorCheck(rms_mm, None)
+    surfaces = assess_surfaces(
+        described.mesh,
+        scan.resampled.working_of_clean,
+        model.mesh,
+        fit,
+        best.normal_sign,
+        design.surface,
+        design.analysis.resampled.mesh,
+        inlier_mm,
+        quality.noise_mm or 0.0,
+    )
+    under = match_landmarks(
+        design.described.landmarks,
+        described.landmarks,
+        matching.hypotheses,
+        best.T_design_scan,
+        design.matching_mm,
+    )
+    ratios = [score_ratio(pose.score_mm2, best.score_mm2, design.diagonal_mm) for pose in search.alternatives]
+    values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
+    values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
+    return MirrorCheck(rms_mm, probability(CONFIDENCE.same_part, values))

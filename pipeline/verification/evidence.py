@@ -1,5 +1,10 @@
-"""The evidence for a pose in five numbers, and the probability that it is right (logistic regression)."""
+"""The evidence for a pose, and two probabilities that follow from it: that the scan is of this design, and
+that the pose is right if it is.
 
+Each probability is a logistic regression on a few named numbers (`thresholds.CONFIDENCE`).
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,36 +12,78 @@ import numpy as np
 from pipeline.analysis.design_model import DesignModel
 from pipeline.analysis.scan_registration import RegisteredScan
 from pipeline.core.job_parameters import JobParameters
-from pipeline.core.mesh import FloatArray
-from pipeline.core.settings import RegistrationSettings
+from pipeline.core.results import Evidence
+from pipeline.core.settings import RegistrationSettings, Settings
 from pipeline.search.score_ratio import is_loose, required_ratio, score_ratio
 from pipeline.search.types import Matching
 from pipeline.stages.registration import Registration
-from pipeline.verification.alternative_hypotheses import HypothesisChecks
-from pipeline.verification.thresholds import CONFIDENCE, VERDICT
+from pipeline.verification.hypothesis_checks import HypothesisChecks
+from pipeline.verification.scan_quality import ScannerQuality
+from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
+from pipeline.verification.thresholds import CONFIDENCE, VERDICT, LogisticModel
+
+#: What each piece of evidence measures, for people.
+DETAILS = {
+    "residual": "RMS distance of the scan to the design beyond what the scanner explains, over 0.9 % of the "
+    "diagonal (log10)",
+    "detail": "difference of shape: RMS over patches of the signed distance without smooth distortion, over "
+    "0.2 % of the diagonal and the scanner's accuracy (log10)",
+    "normal_agreement": "mean cosine between the normals of scan and design; 0 beyond the inlier distance",
+    "matched_landmarks": "share of the scan's landmarks that have their partner on the design",
+    "lead": "score of the best other pose over that of this one (natural log, at most 2)",
+    "mirror": "residual of the mirrored scan over that of the scan (log10); 0: not tested",
+    "coverage": "share of the design that the scan shows (log10)",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
     """What a verdict is about. scan_landmarks : how many the scan has; max_sigma_mm : how uncertain a motion
-    may be (1 sigma)
+    may be (1 sigma); is_fitted : whether the settings are those that the models were fitted with
     """
 
     registration: Registration
     matching: Matching
     checks: HypothesisChecks
+    surfaces: SurfaceEvidence
+    quality: ScannerQuality
     scan_landmarks: int
     diagonal_mm: float
     max_sigma_mm: float
+    is_fitted: bool
 
     @classmethod
     def of(
-        cls, registered: RegisteredScan, checks: HypothesisChecks, design: DesignModel, job: JobParameters
+        cls,
+        registered: RegisteredScan,
+        checks: HypothesisChecks,
+        quality: ScannerQuality,
+        design: DesignModel,
+        job: JobParameters,
     ) -> "Case":
-        registration = registered.registration
-        count = len(registered.scan.landmarks.vertex)
-        max_sigma_mm = job.max_sigma_mm(design.diagonal_mm)
-        return cls(registration, registration.matching, checks, count, design.diagonal_mm, max_sigma_mm)
+        registration, scan = registered.registration, registered.scan
+        surfaces = assess_surfaces(
+            scan.resampled.mesh,
+            scan.resampled.working_of_clean,
+            scan.mesh,
+            registration.fit,
+            registration.best.normal_sign,
+            design.surface,
+            design.analysis.resampled.mesh,
+            registration.inlier_distance_mm,
+            quality.noise_mm or 0.0,
+        )
+        return cls(
+            registration=registration,
+            matching=registration.matching,
+            checks=checks,
+            surfaces=surfaces,
+            quality=quality,
+            scan_landmarks=len(registered.scan.landmarks.vertex),
+            diagonal_mm=design.diagonal_mm,
+            max_sigma_mm=job.max_sigma_mm(design.diagonal_mm),
+            is_fitted=_is_fitted(job.settings),
+        )
 
     @property
     def rms_mm(self) -> float:
@@ -61,43 +108,105 @@ class Case:
 
     def mirror_fits_better(self) -> bool:
         """Whether the mirrored scan leaves clearly less."""
-        mirrored_mm = self.checks.mirrored_rms_mm
-        return mirrored_mm is not None and mirrored_mm < VERDICT.mirror_better_ratio * self.rms_mm
+        mirrored = self.checks.mirrored
+        return mirrored is not None and mirrored.rms_mm < VERDICT.mirror_better_ratio * self.rms_mm
 
 
-def evidence(case: Case, settings: RegistrationSettings) -> FloatArray:
-    """(5,) the evidence for the best pose, whatever the status.
-
-    log of the score ratio of the best alternative that is no symmetry, at most `max_lead`, which stands for
-    none; residual over its limit, at most `max_residual`; fitness; log10 of the design's coverage, at least
-    that of `min_coverage`; share of the scan's landmarks that are matched.
-    """
-    registration = case.registration
-    ratios = case.alternative_ratios()
-    lead = float(np.log(ratios[0])) if ratios else CONFIDENCE.max_lead
-    limit_mm = settings.max_residual_share * case.diagonal_mm
-    return np.array(
-        [
-            min(max(lead, 0.0), CONFIDENCE.max_lead),
-            min(case.rms_mm / limit_mm, CONFIDENCE.max_residual),
-            registration.fit.fitness,
-            np.log10(max(registration.design_coverage, CONFIDENCE.min_coverage)),
-            len(case.matching.scan) / max(1, case.scan_landmarks),
-        ]
+def _is_fitted(settings: Settings) -> bool:
+    """Whether nothing that changes the evidence is set otherwise."""
+    default = Settings()
+    return (
+        settings.resample.enabled == default.resample.enabled
+        and settings.registration.inlier_share == default.registration.inlier_share
     )
 
 
-def probability(weights: FloatArray, evidence: FloatArray) -> float:
-    """Logistic function of weights[0] + weights[1:] @ evidence."""
-    return float(1.0 / (1.0 + np.exp(-(weights[0] + weights[1:] @ evidence))))
+def evidence(case: Case) -> dict[str, float]:
+    """Each piece of evidence by name, as described in `DETAILS`; the same whatever the status."""
+    mirrored_mm = None if case.checks.mirrored is None else case.checks.mirrored.rms_mm
+    ratios, matched = case.alternative_ratios(), len(case.matching.scan)
+    values = surface_values(case.rms_mm, case.surfaces, case.quality, case.diagonal_mm)
+    values |= rival_values(ratios, mirrored_mm, case.rms_mm, matched, case.scan_landmarks)
+    return values | {
+        "coverage": float(np.log10(max(case.registration.design_coverage, CONFIDENCE.min_coverage))),
+    }
 
 
-def confidence(case: Case, settings: RegistrationSettings, *, count_ties: bool) -> float:
-    """Probability in [0, 1] that the best pose is right, up to symmetries and unconstrained motions.
+def surface_values(
+    rms_mm: float, surfaces: SurfaceEvidence, quality: ScannerQuality, diagonal_mm: float
+) -> dict[str, float]:
+    """`residual`, `detail` and `normal_agreement` of one pose."""
+    unexplained_mm = float(np.sqrt(max(0.0, rms_mm**2 - quality.explained_mm**2)))
+    detail_unit_mm = float(np.hypot(CONFIDENCE.detail_unit_share * diagonal_mm, quality.explained_mm))
+    return {
+        "residual": _log10(unexplained_mm / (CONFIDENCE.residual_unit_share * diagonal_mm)),
+        "detail": _log10(surfaces.detail_mm / detail_unit_mm),
+        "normal_agreement": surfaces.normal_agreement,
+    }
+
+
+def rival_values(
+    ratios: list[float], mirrored_mm: float | None, rms_mm: float, matched: int, scan_landmarks: int
+) -> dict[str, float]:
+    """`lead`, `mirror` and `matched_landmarks` of one pose. ratios : score ratios of other poses, lowest
+    first; mirrored_mm : residual of the reflected scan, None where it was not tested
+    """
+    return {
+        "matched_landmarks": matched / max(1, scan_landmarks),
+        "lead": _lead(ratios),
+        "mirror": 0.0 if mirrored_mm is None else _mirror(mirrored_mm, rms_mm),
+    }
+
+
+def probability(model: LogisticModel, values: Mapping[str, float]) -> float:
+    """Of one model, given the values by name."""
+    total = sum(weight * values[name] for name, weight in zip(model.names, model.weights, strict=True))
+    return float(1.0 / (1.0 + np.exp(-(model.intercept + total))))
+
+
+def same_part(case: Case) -> float:
+    """Probability in [0, 1] that the scan is of this design."""
+    return probability(CONFIDENCE.same_part, evidence(case))
+
+
+def pose(case: Case, *, count_ties: bool) -> float:
+    """Probability in [0, 1] that the pose is right if the part is, up to symmetries and free motions.
 
     count_ties : at most the probability of a guess among equal scores; False where a continuous motion is
     unconstrained, along which scores are equal by nature
     """
-    weights = np.array([CONFIDENCE.intercept, *CONFIDENCE.weights])
     ties = sum(ratio <= VERDICT.tie_ratio for ratio in case.alternative_ratios()) if count_ties else 0
-    return min(probability(weights, evidence(case, settings)), 1.0 / (1 + ties + case.mirror_fits_better()))
+    guess = 1.0 / (1 + ties + case.mirror_fits_better())
+    return min(probability(CONFIDENCE.pose, evidence(case)), guess)
+
+
+def evidence_records(case: Case) -> list[Evidence]:
+    """Every piece of evidence of both models, as the results show it."""
+    values = evidence(case)
+    models = (("same_part", CONFIDENCE.same_part), ("pose", CONFIDENCE.pose))
+    return [
+        Evidence(
+            name=name,
+            of=of,
+            value=values[name],
+            weight=weight,
+            contribution=weight * (values[name] - typical),
+            detail=DETAILS[name],
+        )
+        for of, model in models
+        for name, weight, typical in zip(model.names, model.weights, model.typical, strict=True)
+    ]
+
+
+def _lead(ratios: list[float]) -> float:
+    lead = float(np.log(ratios[0])) if ratios else CONFIDENCE.max_lead
+    return min(max(lead, 0.0), CONFIDENCE.max_lead)
+
+
+def _mirror(mirrored_mm: float, rms_mm: float) -> float:
+    limit = CONFIDENCE.max_mirror_log10
+    return float(np.clip(np.log10(max(mirrored_mm, 1e-12) / max(rms_mm, 1e-12)), -limit, limit))
+
+
+def _log10(ratio: float) -> float:
+    return float(np.clip(np.log10(max(ratio, 1e-12)), CONFIDENCE.min_log10, CONFIDENCE.max_log10))

@@ -2,14 +2,14 @@
 
 from pipeline.core.results import Finding, VerdictStatus
 from pipeline.core.settings import RegistrationSettings
+from pipeline.kernels.surface_patches import Patch
 from pipeline.verification.evidence import Case
 from pipeline.verification.thresholds import UNIT_FACTORS, VERDICT
 
 
-def misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
-    """Why the scan does not fit the design under the best pose; empty where it does."""
+def too_little(case: Case, settings: RegistrationSettings) -> list[Finding]:
+    """Too little of the scan lies on the design, or shows it, for any pose; empty where it is enough."""
     fit, found = case.registration.fit, []
-    limit_mm = settings.max_residual_share * case.diagonal_mm
     inlier_mm = case.registration.inlier_distance_mm
     if fit.fitness < settings.min_fitness:
         near = f"{fit.fitness:.0%} of the scan lies within {inlier_mm:.3g} mm of the design"
@@ -21,14 +21,88 @@ def misfit(case: Case, settings: RegistrationSettings) -> list[Finding]:
             f"the scan covers {coverage:.1%} of the design; at least {settings.min_coverage:.0%} is required"
         )
         found.append(Finding(code="low_coverage", detail=detail, value=coverage))
-    if fit.truncated_rms_mm > limit_mm:
-        detail = (
-            f"the scan is {fit.truncated_rms_mm:.3g} mm off the design (RMS, each distance counted as at "
-            "most "
-            f"{inlier_mm:.3g} mm); the limit for the same part is {limit_mm:.3g} mm"
-        )
-        found.append(Finding(code="high_residual", detail=detail, value=fit.truncated_rms_mm))
     return found
+
+
+def other_part(case: Case, probability: float) -> list[Finding]:
+    """The evidence says that the scan is of another part; empty where it does not."""
+    if probability >= VERDICT.other_part:
+        return []
+    detail = (
+        f"the scan is of this design with probability {probability:.2g}: it lies {case.rms_mm:.3g} mm off "
+        f"(RMS), its normals agree to {case.surfaces.normal_agreement:.0%}, and it differs in shape by "
+        f"{case.surfaces.detail_mm:.3g} mm (RMS over patches)"
+    )
+    return [Finding(code="other_part", detail=detail, value=probability)]
+
+
+def high_residual(case: Case) -> list[Finding]:
+    """The scan lies farther off than a scan of the part may for `ok`."""
+    limit_mm, inlier_mm = case.quality.residual_limit_mm, case.registration.inlier_distance_mm
+    if case.rms_mm <= limit_mm:
+        return []
+    detail = (
+        f"the scan is {case.rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
+        f"{inlier_mm:.3g} mm); the limit for ok is {limit_mm:.3g} mm"
+    )
+    return [Finding(code="high_residual", detail=detail, value=case.rms_mm)]
+
+
+def differences(case: Case) -> list[Finding]:
+    """Places where the shape of the scan and the design differ by more than noise and smooth distortion."""
+    found = []
+    patch = case.surfaces.scan_patch
+    if patch is not None:
+        area = f"a patch of {patch.area_mm2:.3g} mm^2 of the scan"
+        depth = f"up to {abs(patch.peak):.3g} mm"
+        rest = f"the design, at {_place(patch)}: more than noise and smooth distortion explain"
+        if patch.mean < 0:
+            detail = f"{area} lies {depth} inside {rest}"
+            found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
+        else:
+            detail = f"{area} lies {depth} off {rest}"
+            found.append(Finding(code="local_difference", detail=detail, value=patch.peak))
+    patch = case.surfaces.design_patch
+    if patch is not None:
+        detail = (
+            f"a patch of {patch.area_mm2:.3g} mm^2 of the design lies up to {patch.peak:.3g} mm off the "
+            f"closed surface of the scan, at {_place(patch)}: it is missing in the scan, or covered"
+        )
+        found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
+    return found
+
+
+def accuracy_unknown(case: Case) -> list[Finding]:
+    """What would settle an uncertain verdict."""
+    if case.quality.accuracy_mm is not None:
+        share = case.quality.accuracy_mm / case.diagonal_mm
+        if share <= VERDICT.max_accuracy_share:
+            return []
+        detail = (
+            f"the stated accuracy of the scanner is {share:.1%} of the size of the design; a scanner with "
+            f"less than {VERDICT.max_accuracy_share:.0%} is needed to vouch for the pose"
+        )
+        return [Finding(code="accuracy_too_coarse", detail=detail, value=share)]
+    detail = (
+        "state the accuracy of the scanner (options.scan_accuracy_mm), or scan the part from more sides: "
+        "either may settle whether the scan is of this part"
+    )
+    return [Finding(code="accuracy_unknown", detail=detail, value=None)]
+
+
+def not_calibrated(case: Case) -> list[Finding]:
+    """The settings are none that the probabilities were fitted with."""
+    if case.is_fitted:
+        return []
+    detail = (
+        "confidence is null: its models were fitted with the default resample.enabled and "
+        "registration.inlier_share"
+    )
+    return [Finding(code="confidence_not_calibrated", detail=detail, value=None)]
+
+
+def _place(patch: Patch) -> str:
+    return "(" + ", ".join(f"{x:.3g}" for x in patch.centre_mm) + ") mm in the design's frame"
 
 
 def unit_factor(factor: float) -> Finding:
@@ -42,28 +116,32 @@ def unit_factor(factor: float) -> Finding:
 
 
 def mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
-    """The scan is the mirror image of the part; None where it is not."""
-    mirrored_mm = case.checks.mirrored_rms_mm
-    limit_mm = settings.max_residual_share * case.diagonal_mm
-    if mirrored_mm is None or mirrored_mm > limit_mm or mirrored_mm > settings.mirror_gain * case.rms_mm:
+    """The scan is the mirror image of the part: it fits far better than the scan itself, and as tightly as
+    `ok` asks; None where it does not.
+    """
+    check = case.checks.mirrored
+    if check is None or check.same_part is None or check.same_part < VERDICT.ok_same_part:
+        return None
+    limit_mm = case.quality.residual_limit_mm
+    if check.rms_mm > limit_mm or check.rms_mm > settings.mirror_gain * case.rms_mm:
         return None
     detail = (
-        f"the mirror image of the scan lies {mirrored_mm:.3g} mm off the design (RMS), the scan itself "
+        f"the mirror image of the scan lies {check.rms_mm:.3g} mm off the design (RMS), the scan itself "
         f"{case.rms_mm:.3g} mm: it was mirrored on export, or it is the opposite-hand part"
     )
-    return Finding(code="mirrored", detail=detail, value=mirrored_mm)
+    return Finding(code="mirrored", detail=detail, value=check.rms_mm)
 
 
 def mirror_fits_better(case: Case, status: VerdictStatus) -> list[Finding]:
     """The mirror image fits better, but not by so much that the scan must be one."""
-    mirrored_mm = case.checks.mirrored_rms_mm
-    if mirrored_mm is None or status == "mirrored" or not case.mirror_fits_better():
+    check = case.checks.mirrored
+    if check is None or status == "mirrored" or not case.mirror_fits_better():
         return []
     detail = (
-        f"the mirror image of the scan lies {mirrored_mm:.3g} mm off the design (RMS), the scan itself "
+        f"the mirror image of the scan lies {check.rms_mm:.3g} mm off the design (RMS), the scan itself "
         f"{case.rms_mm:.3g} mm: it may be the opposite-hand part"
     )
-    return [Finding(code="mirror_fits_better", detail=detail, value=mirrored_mm)]
+    return [Finding(code="mirror_fits_better", detail=detail, value=check.rms_mm)]
 
 
 def loose_fit(case: Case, settings: RegistrationSettings) -> list[Finding]:
@@ -96,7 +174,8 @@ def alternatives(case: Case) -> list[Finding]:
     found = []
     equal = sum(case.checks.symmetric)
     if equal:
-        detail = f"{equal} of the alternatives are equivalent to this pose by a symmetry of the design"
+        other = "1 other pose is" if equal == 1 else f"{equal} other poses are"
+        detail = f"{other} equivalent to this one by a symmetry of the design; see symmetry"
         found.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
     ratios = case.alternative_ratios()
     if ratios and ratios[0] < VERDICT.alternative_note_ratio:

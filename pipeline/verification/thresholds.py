@@ -22,6 +22,10 @@ class VerdictThresholds:
     mirror_better_ratio : residual of the mirrored scan over that of the scan, below which the pose is not
     `ok`. Chosen by hand
     tie_ratio : score ratio below which nothing tells two poses apart. Chosen by hand
+    ok_same_part, ok_pose : probabilities from which on a pose is `ok`; below, it is `uncertain`. Chosen by
+    hand on the halves that a fit had not seen: no other part reached 0.8 there
+    other_part : probability of the same part below which the scan is of another. Chosen by hand on the same
+    max_accuracy_share : of the diagonal; a scanner of a larger stated accuracy shows too little for `ok`
     """
 
     ambiguity: ScoreLimits = SCORE_LIMITS
@@ -29,25 +33,78 @@ class VerdictThresholds:
     weak_eigenvalue: float = 1e-3
     mirror_better_ratio: float = 0.9
     tie_ratio: float = 1.05
+    ok_same_part: float = 0.85
+    ok_pose: float = 0.9
+    other_part: float = 0.25
+    max_accuracy_share: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class LogisticModel:
+    """Probability = 1 / (1 + exp(-(intercept + sum of weight * value))), over named pieces of evidence.
+
+    typical : median value of each for right poses of the right part; only for the contributions that are
+    shown
+    """
+
+    names: tuple[str, ...]
+    intercept: float
+    weights: tuple[float, ...]
+    typical: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ConfidenceModel:
-    """Logistic regression of "the pose is right" on `verdict.evidence`.
+    """The two fitted models, and the ranges within which a piece of evidence counts.
 
-    intercept, weights : fitted by `tests/accuracy/confidence.py` on registrations that the benchmark does not
-    have (other seeds, pieces down to 15 %, noise up to 1 %, warp up to 2 %); the same order as the evidence
+    same_part, pose : fitted by `tests/accuracy/confidence.py` on simulated and real scans that the benchmark
+    does not have, on one half of the shapes, judged on the other; what stands here is fitted on all of them
     max_lead : log score ratio beyond which a lead adds nothing (a ratio of 7.4). Chosen by hand before the
     fit
-    max_residual : residual over its limit, beyond which it counts no more. Chosen by hand before the fit
+    residual_unit_share, detail_unit_share : of the diagonal; a residual and a detail are logarithms of their
+    ratio to these. Chosen by hand before the fit; they set only the unit
+    min_log10, max_log10 : range of these logarithms
+    max_mirror_log10 : range of the logarithm of the mirror image's residual over that of the scan
     min_coverage : share of the design below which coverage counts no less. Chosen by hand before the fit
     """
 
-    intercept: float = 0.74
-    weights: tuple[float, ...] = (1.26, -1.89, 1.5, 0.25, 0.39)
+    same_part: LogisticModel = LogisticModel(
+        names=("residual", "detail", "normal_agreement", "matched_landmarks", "lead", "mirror"),
+        intercept=-10.939,
+        weights=(-1.159, -2.946, 11.338, 2.657, 1.477, 1.95),
+        typical=(-1.103, -0.685, 0.963, 0.732, 2.0, 0.0),
+    )
+    pose: LogisticModel = LogisticModel(
+        names=("lead", "coverage"),
+        intercept=0.993,
+        weights=(4.846, 1.274),
+        typical=(2.0, -0.313),
+    )
     max_lead: float = 2.0
-    max_residual: float = 3.0
+    residual_unit_share: float = 0.009
+    detail_unit_share: float = 0.002
+    min_log10: float = -1.5
+    max_log10: float = 0.7
+    max_mirror_log10: float = 0.5
     min_coverage: float = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class DifferenceLimits:
+    """From when on a patch of one surface off the other is a difference of shape.
+
+    smoothing_rounds : of averaging over neighbours on the working mesh before the comparison. Chosen by hand
+    min_spreads : robust standard deviations of the smoothed distances over the whole surface
+    min_noises : standard deviations of the scan's noise. The definition of "the scan can show it"
+    min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
+    min_area_share : area of the patch over that of the design. Chosen by hand
+    """
+
+    smoothing_rounds: int = 1
+    min_spreads: float = 8.0
+    min_noises: float = 4.0
+    min_size_share: float = 0.006
+    min_area_share: float = 0.0015
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +144,4 @@ UNIT_FACTORS = {
 VERDICT = VerdictThresholds()
 CONFIDENCE = ConfidenceModel()
 HYPOTHESES = HypothesisLimits()
+DIFFERENCE = DifferenceLimits()

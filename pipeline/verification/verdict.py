@@ -1,59 +1,90 @@
 """The verdict: may the pose be trusted? One status, the first that applies, and findings.
 
-`units_suspect` > `mirrored` > `no_match` > `under_constrained` > `ambiguous` > `ok`: each defined in `judge`.
+`units_suspect` > `mirrored` > `no_match` > `under_constrained` > `ambiguous` > `uncertain` > `ok`: each
+defined in `judge`.
 """
 
 from pipeline.core.results import Finding, Verdict, VerdictStatus
 from pipeline.core.settings import RegistrationSettings
 from pipeline.verification import findings
-from pipeline.verification.evidence import Case, confidence
+from pipeline.verification.evidence import Case, evidence_records, pose, same_part
+from pipeline.verification.thresholds import VERDICT
 
 #: Statuses with a pose; how far it can be trusted, the status says.
-HAS_POSE: frozenset[VerdictStatus] = frozenset({"ok", "units_suspect", "under_constrained", "ambiguous"})
+HAS_POSE: frozenset[VerdictStatus] = frozenset(
+    {"ok", "units_suspect", "under_constrained", "ambiguous", "uncertain"}
+)
 
 
 def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     """The verdict on one registration.
 
     units_suspect : the scan fits after its numbers are multiplied by a unit factor, and not without;
-    mirrored : the mirrored scan fits and leaves less than `mirror_gain` of the residual;
-    no_match : too little of the scan lies on the design (`min_fitness`, `min_coverage`), or too far off it
-    (`max_residual_share`);
+    mirrored : the mirrored scan fits as `ok` asks, and leaves less than `mirror_gain` of the residual;
+    no_match : too little of the scan lies on the design (`min_fitness`, `min_coverage`), or the evidence says
+    that it is another part (`other_part`);
     under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or
     `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
     a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
-    by `mirror_gain`.
+    by `mirror_gain`;
+    uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
+    below `ok_same_part` or `ok_pose`, a residual above its limit, or a place where the shapes differ;
+    ok : none of these.
 
-    confidence : see `evidence.confidence`; 0 without a pose.
+    confidence : the product of `same_part` and `pose`; 0 without a pose.
     """
-    misfit = findings.misfit(case, settings)
+    part = same_part(case)
+    too_little = findings.too_little(case, settings)
+    other_part = [] if too_little else findings.other_part(case, part)
     mirrored = findings.mirrored(case, settings)
-    status = _status(case, settings, is_misfit=bool(misfit), is_mirrored=mirrored is not None)
+    pose_probability = pose(case, count_ties=not case.registration.observability.unconstrained)
+    uncertain = [*findings.high_residual(case), *findings.differences(case)]
+    is_sure = part >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose
+    accuracy_mm = case.quality.accuracy_mm or 0.0
+    is_sure = is_sure and accuracy_mm <= VERDICT.max_accuracy_share * case.diagonal_mm
+    status = _status(
+        case,
+        settings,
+        is_misfit=bool(too_little or other_part),
+        is_mirrored=mirrored is not None,
+        is_uncertain=bool(uncertain) or not is_sure,
+    )
     reasons: list[Finding] = []
     if status == "units_suspect" and case.checks.unit_factor is not None:
         reasons.append(findings.unit_factor(case.checks.unit_factor))
     if status == "mirrored" and mirrored is not None:
         reasons.append(mirrored)
-    reasons += misfit
-    if not misfit:
-        reasons += [*findings.loose_fit(case, settings), *findings.mirror_fits_better(case, status)]
+    has_pose = status in HAS_POSE
+    reasons += [*too_little, *other_part]
+    if has_pose:
+        reasons += [*uncertain, *findings.loose_fit(case, settings)]
+    reasons += findings.mirror_fits_better(case, status)
+    if status == "uncertain":
+        reasons += findings.accuracy_unknown(case)
     reasons += [
         *findings.unconstrained_motions(case),
         *findings.alternatives(case),
         *findings.weaknesses(case),
+        *findings.not_calibrated(case),
     ]
-    has_pose = status in HAS_POSE
-    count_ties = status != "under_constrained"
     return Verdict(
         status=status,
-        confidence=confidence(case, settings, count_ties=count_ties) if has_pose else 0.0,
+        confidence=(part * pose_probability if case.is_fitted else None) if has_pose else 0.0,
+        same_part=part if case.is_fitted else None,
+        pose=pose_probability if case.is_fitted else None,
+        evidence=evidence_records(case),
         findings=reasons,
     )
 
 
 def _status(
-    case: Case, settings: RegistrationSettings, *, is_misfit: bool, is_mirrored: bool
+    case: Case,
+    settings: RegistrationSettings,
+    *,
+    is_misfit: bool,
+    is_mirrored: bool,
+    is_uncertain: bool,
 ) -> VerdictStatus:
     """The first that applies."""
     if case.checks.unit_factor is not None:
@@ -66,4 +97,4 @@ def _status(
         return "under_constrained"
     if case.has_close_alternative(settings) or case.mirror_fits_better():
         return "ambiguous"
-    return "ok"
+    return "uncertain" if is_uncertain else "ok"

@@ -35,6 +35,7 @@ def limits() -> dict[str, Any]:
             "thresholds": asdict(thresholds.VERDICT),
             "hypotheses": asdict(thresholds.HYPOTHESES),
             "confidence": asdict(thresholds.CONFIDENCE),
+            "difference": asdict(thresholds.DIFFERENCE),
         },
     }
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from pipeline.analysis.design_model import DesignModel, build_design, fingerprint, load_design
 from pipeline.analysis.inputs import read_mesh
 from pipeline.analysis.mesh_analysis import Analysis, analyse_mesh
-from pipeline.analysis.scan_registration import RegisteredScan, match_scan, register_scan
+from pipeline.analysis.part_of_scan import register_part
+from pipeline.analysis.scan_registration import RegisteredScan, match_scan
 from pipeline.core import timing
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
@@ -22,9 +23,12 @@ from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.stages.registration import ScaleDiagnosis, diagnose_scale
+from pipeline.stages.strays import without_oversize
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case
+from pipeline.verification.scan_quality import assess_quality
 from pipeline.verification.verdict import HAS_POSE, judge
+from pipeline.workflows.alternative_records import listed_alternatives
 from pipeline.workflows.publish import publish
 from pipeline.workflows.registration_outcome import RegistrationOutcome
 from pipeline.workflows.result_builders import registration_result
@@ -74,19 +78,28 @@ def compute_registration(
     if input_design is not None:
         design = build_design(input_design, fingerprint(design_file, settings, seed), settings, timer, seed)
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
+    input_scan = input_scan.without(*without_oversize(input_scan.cleaned, design.analysis.mesh))
     scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, timer, seed)
     with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)
     with timer.stage(Stage.REGISTRATION):
-        registered = register_scan(matched, design, job)
-        registered, checks = verify_hypotheses(registered, design, job)
-        verdict = judge(Case.of(registered, checks, design, job), settings.registration)
+        part = register_part(matched, input_scan, design, job)
+        input_scan, registered = part.input_scan, part.registered
+        quality = assess_quality(input_scan.mesh, design.diagonal_mm, job)
+        registered, checks = verify_hypotheses(registered, quality, design, job)
+        verdict = judge(Case.of(registered, checks, quality, design, job), settings.registration)
     with timer.stage(Stage.DEVIATION):
         deviations = _deviations(registered.scan, registered, design, job)
         has_pose = verdict.status in HAS_POSE
         of_design = _deviation_of_design(registered, design, job) if has_pose else None
         scale = _scale(registered, design, job) if has_pose else None
-    return RegistrationOutcome(design, input_scan, registered, checks, verdict, deviations, of_design, scale)
+        alternatives = listed_alternatives(
+            registered.registration, checks, design.surface, rejected=not has_pose
+        )
+    return RegistrationOutcome(
+        *(design, input_scan, registered, quality, checks, verdict, deviations, of_design, scale),
+        alternatives=alternatives,
+    )
 
 
 def _deviations(

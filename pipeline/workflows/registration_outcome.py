@@ -8,25 +8,29 @@ from pipeline.analysis.scan_registration import RegisteredScan
 from pipeline.core.results import DesignDeviation, Verdict
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.registration import ScaleDiagnosis
-from pipeline.verification.alternative_hypotheses import HypothesisChecks
+from pipeline.verification.hypothesis_checks import HypothesisChecks
+from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.verdict import HAS_POSE
+from pipeline.workflows.alternative_records import AlternativePose
 
 
 @dataclass(frozen=True, slots=True)
 class RegistrationOutcome:
-    """Everything that was computed. input_scan : the scan as read; registered : the scan on the design, in
-    mm; of_design : distances of the design to the scan, scale : size of the scan over that of the design,
-    both None without a pose
+    """Everything that was computed. input_scan : the scan as read, without stray pieces; registered : the
+    scan on the design, in mm; of_design : distances of the design to the scan, scale : size of the scan over
+    that of the design, both None without a pose; alternatives : the other poses that are reported
     """
 
     design: DesignModel
     input_scan: InputMesh
     registered: RegisteredScan
+    quality: ScannerQuality
     checks: HypothesisChecks
     verdict: Verdict
     deviations: Deviations
     of_design: DesignDeviation | None
     scale: ScaleDiagnosis | None
+    alternatives: tuple[AlternativePose, ...]
 
     @property
     def has_pose(self) -> bool:

@@ -9,7 +9,6 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import FloatArray
 from pipeline.core.results import (
-    Alternative,
     FreeMotion,
     Inputs,
     Landmarks,
@@ -18,6 +17,7 @@ from pipeline.core.results import (
     Observability,
     RegistrationResult,
     Scale,
+    ScanQuality,
     SegmentsPair,
     Transform,
 )
@@ -25,6 +25,8 @@ from pipeline.kernels import rigid
 from pipeline.search.types import Matching
 from pipeline.stages.load import Loaded
 from pipeline.stages.registration import Registration, ScaleDiagnosis
+from pipeline.verification.scan_quality import ScannerQuality
+from pipeline.workflows.alternative_records import alternative_records, symmetry_record
 from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
 from pipeline.workflows.provenance import provenance
 from pipeline.workflows.registration_outcome import RegistrationOutcome
@@ -49,7 +51,8 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         )
         if has_pose
         else None,
-        alternatives=alternatives(registration, checks.symmetric, rejected=not has_pose),
+        alternatives=alternative_records(outcome.alternatives, registration.best, design.diagonal_mm),
+        symmetry=symmetry_record(registration, checks) if has_pose else None,
         metrics=metrics(registration, has_pose=has_pose),
         landmarks=landmarks,
         segments=SegmentsPair(
@@ -60,6 +63,7 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         deviation_of_design=outcome.of_design,
         observability=observability(registration) if has_pose else None,
         scale=None if outcome.scale is None else scale(outcome.scale, checks.unit_factor),
+        scan=scan_quality(outcome.quality, outcome.input_scan.left_out_share),
         provenance=provenance(
             Inputs(design=cached.input, scan=outcome.input_scan.record()), job.settings, job.seed
         ),
@@ -98,26 +102,14 @@ def transform(
     )
 
 
-def alternatives(
-    registration: Registration, symmetric: tuple[bool, ...], *, rejected: bool
-) -> list[Alternative]:
-    """The other poses, best first, then the symmetries; without a valid alignment also the best, which was
-    rejected.
-    """
-    poses = [
-        *([(registration.best, False)] if rejected else []),
-        *zip(registration.alternatives, symmetric, strict=True),
-    ]
-    best = registration.best.score_mm2
-    return [
-        Alternative(
-            matrix=pose.T_design_scan.tolist(),
-            score=pose.score_mm2 / best if best > 0 else 1.0,
-            rmse_mm=pose.rmse_mm,
-            symmetry_of_design=is_symmetry,
-        )
-        for pose, is_symmetry in poses
-    ]
+def scan_quality(quality: ScannerQuality, left_out_share: float) -> ScanQuality:
+    """left_out_share : of the scan in stray pieces"""
+    return ScanQuality(
+        noise_mm=quality.noise_mm,
+        accuracy_mm=quality.accuracy_mm,
+        residual_limit_mm=quality.residual_limit_mm,
+        left_out_share=min(1.0, max(0.0, left_out_share)),
+    )
 
 
 def metrics(registration: Registration, *, has_pose: bool) -> Metrics:

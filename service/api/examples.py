@@ -151,6 +151,7 @@ def _registration() -> RegistrationRequest:
             settings={"resample": {"target_vertices": 5000}},
             units=Units(design="mm", scan="m"),
             tolerance_mm=0.1,
+            scan_accuracy_mm=0.02,
             seed=7,
             label="bracket-0042",
         ),

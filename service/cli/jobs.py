@@ -28,11 +28,22 @@ from service.contract.job_types import MESHES, parse_type
 from service.contract.options import parse_options, resolve_settings
 
 #: Exit code by verdict; 1 is bad input or a job that failed, 2 a wrong command line.
-EXITS = {"ok": 0, "no_match": 3, "mirrored": 4, "units_suspect": 5, "ambiguous": 6, "under_constrained": 7}
+EXITS = {
+    "ok": 0,
+    "no_match": 3,
+    "mirrored": 4,
+    "units_suspect": 5,
+    "ambiguous": 6,
+    "under_constrained": 7,
+    "uncertain": 8,
+}
 PATIENCE_S = 2.0  # short, since a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
 Tolerance = Annotated[float | None, typer.Option(help="limit for the shares within, above and below")]
+ScanAccuracy = Annotated[
+    float | None, typer.Option(help="accuracy of the scanner, one sigma, as its maker states it")
+]
 
 
 def register(
@@ -41,6 +52,7 @@ def register(
     out: Out,
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
+    scan_accuracy_mm: ScanAccuracy = None,
     unit_design: UnitOption = "auto",
     unit_scan: UnitOption = "auto",
     seed: Seed = 0,
@@ -49,8 +61,8 @@ def register(
 ) -> None:
     """Register SCAN to DESIGN without a server.
 
-    Exit code 0: verdict ok; 1: bad input; 3 to 7: no_match, mirrored, units_suspect, ambiguous,
-    under_constrained.
+    Exit code 0: verdict ok; 1: bad input; 3 to 8: no_match, mirrored, units_suspect, ambiguous,
+    under_constrained, uncertain.
 
     `cusp register design.stl scan.ply --tolerance-mm 0.2 --out result`
 
@@ -58,7 +70,12 @@ def register(
     """
     units = {"design": unit_design, "scan": unit_scan}
     options_document = options_of(
-        preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm
+        preset=preset,
+        units=units,
+        seed=seed,
+        settings=settings,
+        tolerance_mm=tolerance_mm,
+        scan_accuracy_mm=scan_accuracy_mm,
     )
     try:
         options = parse_options(options_document)
@@ -69,6 +86,7 @@ def register(
                 MeshFile(scan, unit=options.units.scan, filename=scan.name),
                 settings=resolve_settings(options),
                 tolerance_mm=options.tolerance_mm,
+                scan_accuracy_mm=options.scan_accuracy_mm,
                 seed=options.seed,
                 out=out,
                 on_progress=lambda step: bar.update(task, completed=step.percent, description=step.message),
@@ -97,6 +115,7 @@ def submit(
     out: Annotated[Path | None, typer.Option(help="download the files to this folder (waits)")] = None,
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
+    scan_accuracy_mm: ScanAccuracy = None,
     unit_design: UnitOption = "auto",
     unit_scan: UnitOption = "auto",
     unit: Annotated[str, typer.Option(help="unit of the one mesh: auto, mm, cm, m or inch")] = "auto",
@@ -117,7 +136,12 @@ def submit(
     """
     units = {"design": unit_design, "scan": unit_scan, "mesh": unit}
     options_document = options_of(
-        preset=preset, units=units, seed=seed, settings=settings, tolerance_mm=tolerance_mm
+        preset=preset,
+        units=units,
+        seed=seed,
+        settings=settings,
+        tolerance_mm=tolerance_mm,
+        scan_accuracy_mm=scan_accuracy_mm,
     )
     try:
         kind = parse_type(job_type)

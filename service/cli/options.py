@@ -27,10 +27,18 @@ Preset = Annotated[str, typer.Option(help="default or paper")]
 
 
 def options_of(
-    *, preset: str, units: dict[str, str], seed: int, settings: Path | None, tolerance_mm: float | None = None
+    *,
+    preset: str,
+    units: dict[str, str],
+    seed: int,
+    settings: Path | None,
+    tolerance_mm: float | None = None,
+    scan_accuracy_mm: float | None = None,
 ) -> dict[str, Any]:
     """The same `options` that a request has."""
     options: dict[str, Any] = {"preset": preset, "units": units, "seed": seed, "tolerance_mm": tolerance_mm}
+    if scan_accuracy_mm is not None:  # a service of an earlier version refuses the key
+        options["scan_accuracy_mm"] = scan_accuracy_mm
     if settings is not None:
         try:
             options["settings"] = json.loads(settings.read_text())

@@ -40,6 +40,7 @@ class JobOptions(TypedDict, total=False):
     settings: Mapping[str, Any]
     units: Mapping[str, Unit]
     tolerance_mm: float | None
+    scan_accuracy_mm: float | None
     study: Mapping[str, Any]
     seed: int
     label: str | None

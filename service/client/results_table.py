@@ -30,10 +30,9 @@ def print_results(results: dict[str, Any], out: Path | None, console: Console) -
 
 
 def _registration(results: dict[str, Any], console: Console) -> None:
-    """Verdict, transform, RMSEs."""
+    """Verdict on the alignment, transform, RMSEs."""
     verdict = results["verdict"]
-    confidence = "" if verdict["confidence"] is None else f" (confidence {verdict['confidence']:.2f})"
-    console.print(f"verdict: [bold]{verdict['status']}[/bold]{confidence}", highlight=False)
+    console.print(f"alignment: [bold]{verdict['status']}[/bold] ({_confidence(verdict)})", highlight=False)
     for finding in verdict["findings"]:
         console.print(f"  {finding['code']}: {finding['detail']}", highlight=False, markup=False)
     if results["transform"] is not None:
@@ -45,6 +44,15 @@ def _registration(results: dict[str, Any], console: Console) -> None:
         value = results["metrics"][key]
         table.add_row(words, "-" if value is None else f"{value:.4f}")
     console.print(table)
+
+
+def _confidence(verdict: dict[str, Any]) -> str:
+    """`confidence 0.97 (same part 0.98, pose 0.99)`; earlier results do not have the two probabilities."""
+    if verdict["confidence"] is None:
+        return "confidence not given"
+    parts = [(words, verdict.get(key)) for words, key in (("same part", "same_part"), ("pose", "pose"))]
+    probabilities = ", ".join(f"{words} {value:.2f}" for words, value in parts if value is not None)
+    return f"confidence {verdict['confidence']:.2f}" + (f": {probabilities}" if probabilities else "")
 
 
 def _segments(results: dict[str, Any], console: Console) -> None:

@@ -17,7 +17,11 @@ MESHES: dict[JobType, tuple[str, ...]] = {
     "study": ("mesh",),
 }
 ALL_MESHES = ("design", "scan", "mesh")
-OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {"tolerance_mm": "registration", "study": "study"}
+OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {
+    "tolerance_mm": "registration",
+    "scan_accuracy_mm": "registration",
+    "study": "study",
+}
 
 
 def parse_type(value: object) -> JobType:

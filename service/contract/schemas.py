@@ -98,6 +98,12 @@ class Options(Request):
         gt=0,
         description="`registration` only: limit of `deviation.within` and of the pose uncertainty (1 sigma)",
     )
+    scan_accuracy_mm: float | None = Field(
+        None,
+        gt=0,
+        description="`registration` only: accuracy of the scanner, one sigma, as its maker states it: how "
+        "far a scan of a right part may lie off the design",
+    )
     study: StudySettings | None = Field(
         None, description="`study` only: what to measure; each key replaces one of `settings.study`"
     )

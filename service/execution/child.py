@@ -27,7 +27,7 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
     match task["type"]:
         case "registration":
             design, scan = _mesh(task["design"]), _mesh(task["scan"])
-            own = {"tolerance_mm": task["tolerance_mm"], "design_cache": task["design_cache"]}
+            own = {name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")}
             pipeline.register(design, scan, **own, **common)
         case "landmarks":
             pipeline.find_landmarks(_mesh(task["mesh"]), **common)

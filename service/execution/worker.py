@@ -186,6 +186,7 @@ class Worker:
             "type": row.type,
             "settings": resolve_settings(options).model_dump(mode="json"),
             "tolerance_mm": options.tolerance_mm,
+            "scan_accuracy_mm": options.scan_accuracy_mm,
             "seed": options.seed,
         }
         for mesh, source in row.inputs.items():

@@ -224,6 +224,8 @@ async function runAgain(event) {
   if (job.label) options.label = job.label;
   const tolerance = results.deviation?.tolerance_mm;
   if (tolerance) options.tolerance_mm = tolerance;
+  const accuracy = results.scan?.accuracy_mm;
+  if (accuracy) options.scan_accuracy_mm = accuracy;
   const given = Object.fromEntries(Object.entries(job.inputs).filter(([, each]) => each));
   $('rerun-refused').hidden = true;
   $('again').disabled = true;

@@ -7,7 +7,7 @@ import { $, choices } from './dom.js';
 import * as legend from './legend.js';
 import * as ply from './ply.js';
 import { IDENTITY, inverse, moved, times } from './poses.js';
-import { mm, ofSegment, short, signed } from './words.js';
+import { mm, ofSegment, short, signed, standsFor } from './words.js';
 
 const SIDES = ['+z', '-z', '+x', '-x', '+y', '-y', 'oblique'];
 const LARGEST = 80e6; // bytes of a mesh that is shown as it was sent
@@ -128,7 +128,9 @@ function poses({ transform, alternatives }) {
   if (transform) found.final = { words: 'final pose', matrix: transform.matrix };
   found.before = { words: 'as uploaded', matrix: IDENTITY };
   alternatives.forEach((each, k) => {
-    found[k] = { words: `${each.symmetry_of_design ? 'symmetry' : transform ? 'rival' : 'rejected'} ${k + 1}, RMSE ${short(each.rmse_mm)} mm`, matrix: each.matrix };
+    const kind = each.symmetry_of_design ? 'symmetry' : transform ? 'rival' : 'rejected';
+    const stands = standsFor(each);
+    found[k] = { words: `${kind} ${k + 1}, RMSE ${short(each.rmse_mm)} mm${stands && `, ${stands}`}`, matrix: each.matrix };
   });
   return found;
 }

@@ -3,11 +3,14 @@
 import * as centres from './centres.js';
 import { $, element, figure, fill } from './dom.js';
 import * as part from './part.js';
-import { MEANING, MOOD, mm, percent, short, signed } from './words.js';
+import { MEANING, MOOD, alignment, mm, percent, short, signed, standsFor } from './words.js';
+
+const PROBABILITIES = { same_part: 'the scan is of this design', pose: 'the pose is right, if it is' };
 
 export async function show(job, results, sizes, signal) {
   judge(results.verdict);
   $('figures').replaceChildren(...figures(results));
+  others(results);
   bySegment(results);
   $('viewer').hidden = !sizes.has('design.glb');
   const shown = sizes.has('design.glb') ? part.openRegistration(job.id, results, sizes, signal) : null;
@@ -15,17 +18,47 @@ export async function show(job, results, sizes, signal) {
   await Promise.all([shown, opened]);
 }
 
-function judge({ status, confidence, findings }) {
+function judge(verdict) {
+  const { status, confidence, findings } = verdict;
   $('verdict').hidden = false;
   $('verdict').className = MOOD[status] ?? 'bad';
-  $('status').textContent = status.replaceAll('_', ' ');
-  $('confidence').textContent = confidence ? `confidence ${confidence.toFixed(2)}` : '';
+  $('status').textContent = alignment(status);
+  $('confidence').textContent = confidence === 0 ? '' : `confidence ${probability(confidence)}`;
   $('meaning').textContent = MEANING[status];
   $('findings').replaceChildren(...findings.map((each) => element('li', `${each.code.replaceAll('_', ' ')}: ${each.detail}`)));
+  why(verdict);
 }
 
-function figures({ deviation, metrics, landmarks }) {
-  if (!deviation) return [figure(['landmarks', `${landmarks.design.length} on the design, ${landmarks.scan.length} on the scan`])];
+const probability = (value) => value?.toFixed(2) ?? 'not given';
+
+/** The two probabilities and what each follows from; results of earlier versions have neither. */
+function why(verdict) {
+  const { evidence = [] } = verdict;
+  $('why').hidden = !evidence.length;
+  $('why-tables').replaceChildren(...Object.entries(PROBABILITIES).flatMap(([of, words]) => {
+    const table = element('table');
+    const rows = evidence.filter((each) => each.of === of).map((each) => [
+      each.name.replaceAll('_', ' '), fixed(each.value), fixed(each.weight), contribution(each.contribution), each.detail,
+    ]);
+    fill(table, ['Evidence', 'Value', 'Weight', 'Contribution', 'What it measures'], rows, [1, 2, 3]);
+    const title = `${of.replaceAll('_', ' ')}: ${probability(verdict[of])}`;
+    return [element('h3', [title, element('small', ` probability that ${words}`)]), element('div', table, { className: 'wide' })];
+  }));
+}
+
+/** 2 decimals, a true minus sign, no negative zero */
+const fixed = (value) => (Math.abs(value) < 0.005 ? '0.00' : value.toFixed(2).replace('-', '−'));
+function contribution(value) {
+  if (fixed(value) === '0.00') return 'neither 0.00';
+  return value > 0 ? `for +${fixed(value)}` : `against ${fixed(value)}`;
+}
+
+function figures(results) {
+  return [...measured(results), ...ofScan(results)].map(figure);
+}
+
+function measured({ deviation, metrics, landmarks }) {
+  if (!deviation) return [['landmarks', `${landmarks.design.length} on the design, ${landmarks.scan.length} on the scan`]];
   const found = [
     ['RMS deviation', mm(deviation.rms_mm)],
     ['mean ± SD', `${signed(deviation.mean_mm).slice(0, -3)} ± ${mm(deviation.sd_mm)}`],
@@ -37,7 +70,29 @@ function figures({ deviation, metrics, landmarks }) {
     ['landmarks matched', String(landmarks.matches.length)],
     ['K ratio', metrics.k_ratio === null ? '-' : metrics.k_ratio.toPrecision(3)],
   );
-  return found.map(figure);
+  return found;
+}
+
+/** What the scan shows of the scanner; results of earlier versions do not have it. */
+function ofScan({ scan }) {
+  if (!scan) return [];
+  return [
+    ['scan noise, 1 sigma', mm(scan.noise_mm)],
+    ['scanner accuracy, 1 sigma', scan.accuracy_mm === null ? 'not stated' : `${short(scan.accuracy_mm)} mm`],
+    ['residual limit for ok', mm(scan.residual_limit_mm)],
+    ['left out of the scan', percent(scan.left_out_share)],
+  ];
+}
+
+function others({ alternatives, transform }) {
+  $('others').hidden = !alternatives.length;
+  const rejected = transform ? 'alternative pose' : 'rejected';
+  $('others-title').textContent = transform ? 'Alternative poses' : 'Rejected poses';
+  const rows = alternatives.map((each, k) => [
+    String(k + 1), each.score.toPrecision(3), each.rmse_mm.toFixed(3),
+    each.symmetry_of_design ? ['symmetry of the design', standsFor(each)].filter(Boolean).join(', ') : rejected,
+  ]);
+  fill($('others-table'), ['Number', 'Score', 'RMSE, mm', 'Type'], rows, [1, 2]);
 }
 
 function bySegment({ deviation, segments }) {

@@ -55,7 +55,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  $('tolerance-field').hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field']) $(field).hidden = !wanted.includes('scan');
   $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
 }
 
@@ -86,10 +86,11 @@ async function submit(event) {
 
 function options(form, type) {
   const units = Object.fromEntries(MESHES[type].map((name) => [name, slots[name].unit.value]).filter(([, unit]) => unit !== 'auto'));
-  const { tolerance_mm: tolerance, label, preset } = form.elements;
+  const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, label, preset } = form.elements;
   return {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
+    ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
   };

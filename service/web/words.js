@@ -2,13 +2,16 @@
 
 export const MEANING = {
   ok: 'A pose was found, and no other pose fits equally well.',
+  uncertain: 'A pose was found and it is the best by a clear lead, but the evidence is not enough to vouch for it. The findings say what would settle it.',
   ambiguous: 'Several poses fit equally well. Check the pose before you use it.',
   under_constrained: 'The part can slide or rotate along its own surface: the pose is not unique.',
   units_suspect: 'The scan fits only in another length unit. Send it again with the right unit.',
   mirrored: 'The scan is the mirror image of the design. No valid alignment was found.',
-  no_match: 'The scan does not fit the design in any pose.',
+  no_match: 'The scan is of another part, or shows too little of this one. No valid alignment was found.',
 };
-export const MOOD = { ok: 'good', ambiguous: 'warn', under_constrained: 'warn', units_suspect: 'warn' };
+export const MOOD = { ok: 'good', uncertain: 'warn', ambiguous: 'warn', under_constrained: 'warn', units_suspect: 'warn' };
+/** Of the alignment, not of the part: nobody is to read `ok` as "the part passed". */
+export const alignment = (status) => `alignment: ${status.replaceAll('_', ' ')}`;
 export const FINAL = ['successful', 'failed', 'dismissed'];
 
 // As in pipeline/report/palette.py: the "muted" scheme of Paul Tol.
@@ -30,6 +33,9 @@ export function short(value) {
 export const some = (count, word) => `${count} ${word}${count === 1 ? '' : 's'}`;
 export const time = (text) => new Date(text).toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' });
 export const size = (bytes) => (bytes < 1e6 ? `${Math.ceil(bytes / 1024)} KiB` : `${(bytes / 1048576).toFixed(1)} MiB`);
+
+/** Of an alternative pose: one row is for all that are equivalent by a symmetry of the design. */
+export const standsFor = ({ equivalent_poses: count }) => (count > 1 ? `stands for ${count} equivalent poses` : '');
 
 /** `design.stl ← scan.stl`, or the one mesh; a mesh without a name by the beginning of its hash. */
 export function meshes(inputs) {

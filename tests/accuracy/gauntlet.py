@@ -16,6 +16,7 @@ scan's centroids under the two, in % of the diagonal.
 import argparse
 import hashlib
 import os
+import re
 import tempfile
 import time
 from collections.abc import Iterator
@@ -30,7 +31,7 @@ import numpy as np
 from rich.console import Console
 
 import pipeline
-from tests.accuracy import gauntlet_cases, gauntlet_specs, peers
+from tests.accuracy import gauntlet_cases, gauntlet_scanners, gauntlet_specs, peers
 from tests.accuracy.bench import save
 from tests.accuracy.gauntlet_cases import Case
 from tests.accuracy.gauntlet_error import PoseError, error
@@ -73,7 +74,9 @@ def run_cusp(case: Case, kept: Path | None = None) -> Row:
         cache = None if kept is None else kept / f"{hashlib.sha256(design.read_bytes()).hexdigest()}.npz"
         clock = Clock()
         try:
-            result = pipeline.register(design, scan, design_cache=cache)
+            result = pipeline.register(
+                design, scan, scan_accuracy_mm=case.scan_accuracy_mm, design_cache=cache
+            )
         except pipeline.PipelineError as refused:
             return _row(case, CUSP, f"refused: {refused.code}", clock.read(), None)
         took = clock.read()
@@ -132,6 +135,7 @@ def compared(spec: Spec) -> bool:
         "fine pitch",
         "featureless bar",
         "depth camera",
+        *(gauntlet_scanners.CAMERA, gauntlet_scanners.LIGHT, gauntlet_scanners.DENTAL, gauntlet_scanners.CT),
     }
 
 
@@ -211,7 +215,7 @@ def wanted(options: argparse.Namespace, console: Console) -> list[tuple[Spec, tu
     """The cases asked for, each with the tools it has to run."""
     specs = gauntlet_specs.specs(options.seeds)
     if options.groups:
-        asked = set(options.groups.split(","))
+        asked = set(re.split(r",(?! )", options.groups))  # names of groups hold ", "
         unknown = asked - {spec.group for spec in specs}
         if unknown:
             raise SystemExit(
@@ -238,7 +242,7 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=1, help="cases of each kind")
     parser.add_argument("--peers", action="store_true", help="run the others too")
-    parser.add_argument("--groups", help="only these, with commas between")
+    parser.add_argument("--groups", help="only these, with commas and no spaces between")
     parser.add_argument("--limit", type=int, help="only so many cases, from the first")
     parser.add_argument(
         "--out", type=Path, help="a line of JSON a case and tool; what is in it is not run again"

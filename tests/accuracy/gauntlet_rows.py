@@ -46,6 +46,11 @@ class Row:
         return self.status == "ok" and (not self.right or self.at_rival)
 
     @property
+    def refused_a_right_pose(self) -> bool:
+        """Whether the best pose is right, and `no_match` or `mirrored` gave none."""
+        return self.right_but_refused and self.status in {"no_match", "mirrored"}
+
+    @property
     def over_truth(self) -> float | None:
         """Error over that of ICP started at the truth; errors below `SMALL_ERROR` are as good as none."""
         if self.error_share is None or self.from_truth_share is None:

@@ -1,5 +1,6 @@
 """The tables that are printed of the rows of the gauntlet."""
 
+import itertools
 from collections import Counter
 from pathlib import Path
 
@@ -7,10 +8,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from pipeline.core.mesh import FloatArray
 from tests.accuracy import gauntlet_specs, peers
 from tests.accuracy.gauntlet_rows import CUSP, Row, read_rows
 
 WIDTH = 185
+WITH_POSE = ("ok", "uncertain", "ambiguous", "under_constrained", "units_suspect")
+BINS = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 
 
 def table(path: Path, console: Console | None = None) -> None:
@@ -23,6 +27,16 @@ def print_tables(rows: list[Row], console: Console) -> None:
     there = {row.group for row in ours}
     groups = [group for group in gauntlet_specs.groups() if group in there]
     console.print(_quality(ours, groups))
+    console.print(_verdicts(ours, groups))
+    said = [
+        row
+        for row in ours
+        if row.confidence is not None and row.status in WITH_POSE and row.right is not None
+    ]
+    if said:
+        confidences = np.array([row.confidence for row in said], dtype=np.float64)
+        right = np.array([bool(row.right) and not row.at_rival for row in said], dtype=np.float64)
+        console.print(reliability(confidences, right, "confidence of the poses given"))
     others = [name for name in peers.PEERS if any(row.tool == name for row in rows)]
     if others:
         console.print(_success(rows, [CUSP, *others], groups))
@@ -32,6 +46,7 @@ def print_tables(rows: list[Row], console: Console) -> None:
     for words, chosen in (
         ("wrong but ok", [row for row in ours if row.wrong_but_ok]),
         ("another verdict than expected", [row for row in ours if row.unexpected and not row.wrong_but_ok]),
+        ("right but refused", [row for row in ours if row.refused_a_right_pose]),
         (
             "wrong pose",
             [row for row in ours if row.right is False and not row.unexpected and not row.wrong_but_ok],
@@ -74,6 +89,49 @@ def _quality(ours: list[Row], groups: list[str]) -> Table:
             *(_spread([row.seconds for row in rows], 1), _spread([row.cpu_s for row in rows], 1)),
             end_section=group == groups[-1],
         )
+    return made
+
+
+def _verdicts(ours: list[Row], groups: list[str]) -> Table:
+    """Of the cases with a right pose that the search found: what the verdict made of it."""
+    made = Table(
+        *("group", "right pose found", "ok", "ok or uncertain", "other, with a pose", "refused"),
+        "wrong but ok",
+        title="Verdicts on right poses; refused: no_match or mirrored",
+    )
+    for group in [*groups, "all"]:
+        rows = [row for row in ours if group in (row.group, "all")]
+        found = [row for row in rows if row.right or row.right_but_refused]
+        ok, unsure = (sum(row.status == status for row in found) for status in ("ok", "uncertain"))
+        refused = sum(row.refused_a_right_pose for row in found)
+        made.add_row(
+            *(group, str(len(found)), _share(ok, len(found)), _share(ok + unsure, len(found))),
+            *(_share(len(found) - ok - unsure - refused, len(found)), _share(refused, len(found))),
+            str(sum(row.wrong_but_ok for row in rows)),
+            end_section=group == groups[-1],
+        )
+    return made
+
+
+def reliability(said: FloatArray, right: FloatArray, title: str) -> Table:
+    """Of the poses that say so much, how many are right. Brier score in the title."""
+    brier = float(np.mean((said - right) ** 2))
+    made = Table(
+        "confidence",
+        "cases",
+        "mean said",
+        "right",
+        title=f"{title}: {len(said)} cases, Brier score {brier:.4f}",
+    )
+    for low, high in itertools.pairwise(BINS):
+        chosen = (said >= low) & ((said < high) | (high == 1.0))
+        if chosen.any():
+            made.add_row(
+                f"{low} to {high}",
+                str(chosen.sum()),
+                f"{said[chosen].mean():.3f}",
+                f"{right[chosen].mean():.3f}",
+            )
     return made
 
 

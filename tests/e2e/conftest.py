@@ -51,7 +51,8 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def registered(running: RunningService, design: Path, scan: Path) -> Job:
     """A finished registration, for the tests that only look."""
-    options = {**QUICK, "label": "finished", "tolerance_mm": TOLERANCE_MM}
+    options = {**QUICK, "label": "finished"}
+    options |= {"tolerance_mm": TOLERANCE_MM, "scan_accuracy_mm": 0.02}
     return running.successful(running.client.submit(design, scan, options).id)
 
 

@@ -31,17 +31,17 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_register_needs_no_server_and_writes_what_the_service_writes(
     running: RunningService, design: Path, scan: Path, quick: Path, tmp_path: Path
 ) -> None:
-    here = cusp(
-        "register", design, scan, "--out", tmp_path / "here", "--settings", quick, "--tolerance-mm", 0.5
-    )
+    stated = ("--settings", quick, "--tolerance-mm", 0.5, "--scan-accuracy-mm", 0.02)
+    here = cusp("register", design, scan, "--out", tmp_path / "here", *stated)
     assert here.returncode == 0, here.stderr
-    assert "verdict: ok" in here.stdout
+    assert "alignment: ok" in here.stdout
     there = cusp(
         *("submit", design, scan, "--server", running.client.server, "--wait", "--json"),
-        *("--out", tmp_path / "there", "--settings", quick, "--tolerance-mm", 0.5),
+        *("--out", tmp_path / "there", *stated),
     )
     assert there.returncode == 0, there.stderr
-    pipeline.RegistrationResult.model_validate_json(there.stdout)
+    result = pipeline.RegistrationResult.model_validate_json(there.stdout)
+    assert result.scan is not None and result.scan.accuracy_mm == 0.02
     names = {path.name for path in (tmp_path / "here").iterdir()}
     assert names == {path.name for path in (tmp_path / "there").iterdir()}
     for name in names - {"results.json"}:  # which has timings

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Route, expect
 
 from service.contract.schemas import Job
 from tests.support.browser import (
@@ -31,12 +31,14 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     page.set_input_files("input[name=design]", design)
     page.set_input_files("input[name=scan]", scan)
     page.fill("input[name=tolerance_mm]", str(TOLERANCE_MM))
+    page.fill("input[name=scan_accuracy_mm]", "0.02")
     page.fill("input[name=label]", "seen in a browser")
     page.click("#go")
     expect(page.locator("#stages li")).to_have_count(11)  # it tells how far it is
     job_id = finished(page)
     expect(page.locator("#progress-box")).to_be_hidden()
-    expect(page.locator("#status")).to_have_text("ok")
+    expect(page.locator("#status")).to_have_text("alignment: ok")
+    expect(page.locator("#figures div", has_text="scanner accuracy")).to_contain_text("0.02 mm")
     expect(page.locator("#job-title")).to_contain_text("seen in a browser")
     expect(page.locator("#job-made")).to_contain_text("design.stl ← scan.stl")
     image = pixels(page)
@@ -104,13 +106,58 @@ def test_what_is_shown_is_chosen(watched: Watched, registered: Job) -> None:
 def test_alternatives_are_shown(watched: Watched, symmetric: Job) -> None:
     page = watched.open(symmetric)
     offered = page.locator("#pose option").all_inner_texts()
-    assert sum(text.startswith("symmetry") for text in offered) == 3
+    (text,) = [text for text in offered if text.startswith("symmetry")]  # one for all of them
+    assert text.endswith("stands for 3 equivalent poses")
+    page.click("#others-title")
+    row = page.locator("#others-table tbody tr")
+    expect(row).to_have_count(len(offered) - 2)
+    expect(row.last).to_contain_text("symmetry of the design, stands for 3 equivalent poses")
     page.select_option("#side", "oblique")
     page.check("#show-landmarks")
     final = pixels(page)
     page.select_option("#pose", "0")
     expect(page.locator("#pose-note")).to_contain_text("final pose")
     assert changed(pixels(page), final) > 0.0
+
+
+def test_why_shows_the_evidence_of_both_probabilities(
+    watched: Watched, registered: Job, running: RunningService
+) -> None:
+    page = watched.open(registered)
+    verdict = results(running, registered.id)["verdict"]
+    expect(page.locator("#why-tables")).to_be_hidden()  # folded
+    page.click("#why summary")
+    for number, of in enumerate(("same_part", "pose")):
+        title = page.locator("#why-tables h3").nth(number)
+        expect(title).to_contain_text(f"{of.replace('_', ' ')}: {verdict[of]:.2f}")
+        table = page.locator("#why-tables table").nth(number)
+        expected = [each for each in verdict["evidence"] if each["of"] == of]
+        expect(table.locator("tbody tr")).to_have_count(len(expected))
+        for row, each in zip(table.locator("tbody tr").all(), expected, strict=True):
+            expect(row).to_contain_text(each["name"].replace("_", " "))
+            expect(row).to_contain_text(each["detail"])
+
+
+def test_the_verdict_is_of_the_alignment_whatever_it_is(watched: Watched, registered: Job) -> None:
+    """Statuses that the meshes of these tests do not give, on results changed on their way to the page."""
+    page = watched.page
+
+    def changed_verdict(route: Route) -> None:
+        answer = route.fetch()
+        document = answer.json()
+        document["verdict"] |= {"status": "uncertain", "confidence": None, "same_part": None, "pose": None}
+        document["scan"] = None
+        route.fulfill(response=answer, json=document)
+
+    page.route("**/results", changed_verdict)
+    watched.open(registered)
+    expect(page.locator("#status")).to_have_text("alignment: uncertain")
+    expect(page.locator("#verdict")).to_have_class("warn")
+    expect(page.locator("#meaning")).to_contain_text("not enough to vouch for it")
+    expect(page.locator("#confidence")).to_have_text("confidence not given")
+    expect(page.locator("#why-tables h3").first).to_contain_text("same part: not given")
+    expect(page.locator("#figures")).not_to_contain_text("scanner accuracy")
+    page.unroute("**/results")
 
 
 def test_the_pointer_asks_landmarks_and_surfaces(
@@ -150,6 +197,7 @@ def test_centres_are_chosen_in_the_decision_graph(
     expect(page.locator("#plot .centre")).to_have_count(len(centres))
     expect(page.locator("#would")).to_contain_text(f"now {len(centres)} on the design")
 
+    pixels(page)  # scrolls to the part, beside which the graph is
     disc = page.locator("#plot .centre[data-segment='0']").bounding_box()
     assert disc is not None
     page.mouse.move(disc["x"] + disc["width"] / 2, disc["y"] + disc["height"] / 2)
@@ -188,6 +236,7 @@ def test_centres_are_chosen_in_the_decision_graph(
     assert {**asked, "segmentation": None} == {**was, "segmentation": None}
     assert after["provenance"]["inputs"] == before["provenance"]["inputs"]
     assert after["deviation"]["tolerance_mm"] == TOLERANCE_MM
+    assert after["scan"]["accuracy_mm"] == before["scan"]["accuracy_mm"] == 0.02
     assert running.client.job(again).inputs == registered.inputs
     assert (
         after["segments"]["design"]["count"] >= would

@@ -25,7 +25,17 @@ from pipeline.core.results.mesh import (
     SegmentsOfMesh,
     SegmentsPair,
 )
-from pipeline.core.results.pose import Alternative, FreeMotion, Metrics, Observability, Scale, Transform
+from pipeline.core.results.pose import (
+    Alternative,
+    FreeMotion,
+    Metrics,
+    Observability,
+    Scale,
+    ScanQuality,
+    Symmetry,
+    SymmetryAxis,
+    Transform,
+)
 from pipeline.core.results.provenance import Input, Inputs, MadeBy, OneInput, OneProvenance, Provenance
 from pipeline.core.results.study import (
     InformativenessProtocol,
@@ -34,7 +44,7 @@ from pipeline.core.results.study import (
     RepeatabilityProtocol,
     RepeatabilityRow,
 )
-from pipeline.core.results.verdict import Finding, Verdict, VerdictStatus
+from pipeline.core.results.verdict import Evidence, Finding, Verdict, VerdictStatus
 
 __all__ = [
     "Alternative",
@@ -43,6 +53,7 @@ __all__ = [
     "DesignSide",
     "Deviation",
     "Distances",
+    "Evidence",
     "Finding",
     "FreeMotion",
     "InformativenessProtocol",
@@ -67,6 +78,7 @@ __all__ = [
     "RepeatabilityProtocol",
     "RepeatabilityRow",
     "Scale",
+    "ScanQuality",
     "SegmentDeviation",
     "Segments",
     "SegmentsOfMesh",
@@ -74,6 +86,8 @@ __all__ = [
     "SegmentsResult",
     "Spread",
     "StudyResult",
+    "Symmetry",
+    "SymmetryAxis",
     "Transform",
     "Verdict",
     "VerdictStatus",

@@ -7,7 +7,15 @@ from pydantic import Field
 from pipeline.core.results.base import Note, Record
 from pipeline.core.results.deviation import DesignDeviation, Deviation
 from pipeline.core.results.mesh import Landmarks, LandmarksOfMesh, SegmentsOfMesh, SegmentsPair
-from pipeline.core.results.pose import Alternative, Metrics, Observability, Scale, Transform
+from pipeline.core.results.pose import (
+    Alternative,
+    Metrics,
+    Observability,
+    Scale,
+    ScanQuality,
+    Symmetry,
+    Transform,
+)
 from pipeline.core.results.provenance import OneProvenance, Provenance
 from pipeline.core.results.study import (
     InformativenessProtocol,
@@ -35,6 +43,9 @@ class RegistrationResult(Record):
         description="other poses that fit, and symmetry-equivalent poses; for `no_match` and `mirrored` the "
         "rejected poses"
     )
+    symmetry: Symmetry | None = Field(
+        None, description="of the design, as the pose may use it; null without a pose or a symmetry"
+    )
     metrics: Metrics = Field(description="RMSEs, fitness, overlap")
     landmarks: Landmarks = Field(description="of both meshes, and their matches")
     segments: SegmentsPair = Field(description="of both meshes")
@@ -46,6 +57,9 @@ class RegistrationResult(Record):
         description="which motions the data constrains; null without a pose"
     )
     scale: Scale | None = Field(description="diagnosis of size and warp; null without a pose")
+    scan: ScanQuality | None = Field(
+        None, description="noise and accuracy of the scan; null in results before version 0.2"
+    )
     provenance: Provenance = Field(description="inputs, versions, settings and limits")
     timings_s: dict[str, float] = Field(
         description="seconds by stage; the only part that differs between identical runs"

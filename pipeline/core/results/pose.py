@@ -30,10 +30,65 @@ class Alternative(Record):
     """Another pose, or one that is equivalent by a symmetry of the design."""
 
     matrix: Matrix4 = Field(description="4x4, rows, as in `transform`")
-    score: float = Field(description="its score over that of the best pose: 1 is as good")
-    rmse_mm: float = Field(description="on a sample of the scan")
+    score: float = Field(
+        description="its score over that of the best pose, as the verdict compares them: 1 is as good"
+    )
+    rmse_mm: float = Field(description="over the same vertices as `metrics.rmse_mm`")
     symmetry_of_design: bool = Field(
         description="the motion from the best pose to this one is a symmetry of the design"
+    )
+    equivalent_poses: int = Field(
+        1,
+        ge=1,
+        description="how many poses it stands for: the poses by symmetry of the design are one row; "
+        "`symmetry` has them all",
+    )
+
+
+class SymmetryAxis(Record):
+    """An axis about which the design is its own image."""
+
+    axis: Vector3 = Field(description="unit vector, in the frame of the design")
+    point_mm: Vector3 = Field(description="a point that the axis goes through")
+    order: int | None = Field(description="turns of 360/order degrees; null: continuous, any angle")
+
+
+class Symmetry(Record):
+    """The poses that are as right as `transform`, because the design is its own image under them."""
+
+    kind: Literal["discrete", "continuous"] = Field(
+        description="continuous: the scan may also turn or slide freely along the design"
+    )
+    order: int | None = Field(
+        description="number of equivalent poses, `transform` included; null: without end"
+    )
+    axes: list[SymmetryAxis] = Field(description="of the turns; empty where a motion is none")
+    motions: list[Matrix4] = Field(
+        description="4x4 each, design to design: `motion @ transform.matrix` is an equivalent pose"
+    )
+
+
+class ScanQuality(Record):
+    """What the scan itself shows of the scanner."""
+
+    noise_mm: float | None = Field(
+        description="1 sigma of the scatter about the surface, from local surface fits; null: too few points"
+    )
+    noise_source: Literal["local_fit"] = Field(
+        "local_fit",
+        description="how `noise_mm` was measured: quadratic surfaces through neighbouring points at several "
+        "scales. It does not see distortions that are smooth over many points",
+    )
+    accuracy_mm: float | None = Field(
+        description="1 sigma of the scanner as stated in `options.scan_accuracy_mm` or the settings; null: "
+        "not stated"
+    )
+    residual_limit_mm: float = Field(
+        description="RMS distance (each at most the inlier distance) up to which a scan of the part may be "
+        "`ok`; it follows from the stated accuracy, the tolerance and the size of the design"
+    )
+    left_out_share: float = Field(
+        ge=0, le=1, description="share of the scan's area (points) in stray pieces that were left out"
     )
 
 

@@ -4,6 +4,12 @@ from pydantic import Field
 
 from pipeline.core.settings.base import Section
 
+#: Standard deviations of the scanner within which a point lies on the design, at most this share of the
+#: diagonal. Chosen by hand: 99.7 % of a normal distribution.
+INLIER_SIGMAS, MAX_INLIER_SHARE = 3.0, 0.04
+#: Standard deviations of the scanner by which a scan of a right part may lie off it (RMS). Chosen by hand.
+ACCURACY_SIGMAS = 1.5
+
 
 class MatchingSettings(Section):
     length_share: float = Field(
@@ -35,10 +41,17 @@ class RegistrationSettings(Section):
     min_coverage: float = Field(
         0.05, ge=0, le=1, description="verdict no_match when the scan shows less of the design than this"
     )
+    scan_accuracy_mm: float | None = Field(
+        None,
+        gt=0,
+        description="accuracy of the scanner, one sigma, as its maker states it; `options.scan_accuracy_mm` "
+        "of a job overrides it; null: not stated",
+    )
     max_residual_share: float = Field(
         0.009,
         gt=0,
-        description="verdict no_match when the truncated RMS distance is above this share of the diagonal",
+        description="no verdict ok when the truncated RMS distance is above this share of the diagonal, or "
+        "above what scan_accuracy_mm and the tolerance explain",
     )
     rival_margin: float = Field(
         1.25,
@@ -62,6 +75,19 @@ class RegistrationSettings(Section):
         le=1,
         description="verdict mirrored when the reflection leaves less than this share of the residual",
     )
+
+    def inlier_distance_mm(self, diagonal_mm: float) -> float:
+        """Distance up to which a point counts as lying on the other surface, for a design of this diagonal:
+        its share, more for a scanner whose stated accuracy asks for more.
+        """
+        wide_mm = min(INLIER_SIGMAS * (self.scan_accuracy_mm or 0.0), MAX_INLIER_SHARE * diagonal_mm)
+        return max(self.inlier_share * diagonal_mm, wide_mm)
+
+    def residual_limit_mm(self, diagonal_mm: float) -> float:
+        """Truncated RMS distance that prints and the scanner leave of a right part of this diagonal."""
+        part_mm = self.max_residual_share * diagonal_mm
+        scanner_mm = ACCURACY_SIGMAS * (self.scan_accuracy_mm or 0.0)
+        return float((part_mm**2 + scanner_mm**2) ** 0.5)
 
 
 class DeviationSettings(Section):

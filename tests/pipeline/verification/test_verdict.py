@@ -14,6 +14,7 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh import Mesh
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
+from pipeline.kernels.surface import Surface
 from pipeline.stages.matching import match_landmarks
 from tests.support import shapes
 from tests.support.designs import design_of
@@ -71,7 +72,17 @@ def test_an_exactly_symmetric_part_is_ok_with_its_other_poses(tmp_path: Path) ->
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")
     result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ok" and "symmetric_design" in codes(result)
-    assert sum(pose.symmetry_of_design for pose in result.alternatives) >= 3
+    (row,) = [pose for pose in result.alternatives if pose.symmetry_of_design]  # one for all of them
+    assert row.equivalent_poses == 3 and row.score == pytest.approx(1.0, abs=0.2)
+    symmetry = result.symmetry
+    assert symmetry is not None and (symmetry.kind, symmetry.order) == ("discrete", 4)
+    (axis,) = symmetry.axes
+    assert axis.order == 4
+    np.testing.assert_allclose(np.abs(axis.axis), [0.0, 0.0, 1.0], atol=0.01)
+    np.testing.assert_allclose(axis.point_mm[:2], 0.0, atol=0.1)
+    for motion in symmetry.motions:  # each moves the design onto itself
+        moved = rigid.transformed(np.array(motion), part.vertices)
+        assert Surface(part).closest(moved).distance.max() < 0.1
     assert result.transform is not None
     turns = [shapes.motion(3) @ turned for turned in quarter_turns()]
     found = np.array(result.transform.matrix)
@@ -150,7 +161,8 @@ def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp
     """A tooth on is 3.3 % of the diagonal: too near for two hypotheses, too far to be the same pose."""
     part = shapes.rack()
     middle = cut(part, (part.vertices[:, 0] > 20) & (part.vertices[:, 0] < 65) & (part.vertices[:, 2] > 2))
-    design, scan = save(part, tmp_path / "design.ply"), save(noisy(middle, 5), tmp_path / "scan.ply")
+    of_middle = noisy(middle, 5)
+    design, scan = save(part, tmp_path / "design.ply"), save(of_middle, tmp_path / "scan.ply")
     result = register(design, scan, settings=QUICK)
     assert result.verdict.status == "ambiguous" and result.transform is not None
     assert result.verdict.confidence is not None and result.verdict.confidence <= 0.5
@@ -158,6 +170,13 @@ def test_teeth_without_an_end_are_ambiguous_and_other_teeth_are_alternatives(tmp
     apart = [rigid.rms_displacement(np.array(each.matrix), best, points) for each in result.alternatives]
     assert apart and min(apart) > 1.0  # half a tooth off nothing fits
     assert result.alternatives[0].score < 1.25
+    assert result.metrics.rmse_mm is not None
+    for each in result.alternatives[:2]:  # over all vertices of the scan, as that of the best
+        placed = rigid.transformed(np.array(each.matrix), of_middle.vertices)
+        distance = Surface(part).closest(placed).distance
+        expected = np.sqrt((of_middle.weights() * distance**2).sum())
+        assert each.rmse_mm == pytest.approx(expected, rel=1e-4)
+        assert each.rmse_mm >= 0.9 * result.metrics.rmse_mm
 
 
 def test_matches_are_of_the_pose_that_is_given() -> None:

@@ -46,7 +46,11 @@ def test_meshes_sent_before_as_blobs_are_the_same_meshes(service: Service) -> No
 def test_another_request_under_the_key_is_refused(service: Service) -> None:
     first = post(service, "order-7").json()["id"]
     other_mesh = ("s.obj", TRIANGLE_OBJ + b"v 2 0 0\n")
-    for answer in (post(service, "order-7", '{"seed": 1}'), post(service, "order-7", scan=other_mesh)):
+    for answer in (
+        post(service, "order-7", '{"seed": 1}'),
+        post(service, "order-7", '{"scan_accuracy_mm": 0.05}'),
+        post(service, "order-7", scan=other_mesh),
+    ):
         assert (answer.status_code, answer.json()["code"]) == (422, "idempotency_mismatch")
         assert "order-7" in answer.json()["detail"]
     assert post(service, "order-8", '{"seed": 1}').json()["id"] != first

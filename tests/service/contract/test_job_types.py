@@ -133,6 +133,7 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_under_its_name(service: Service
         ("landmarks", {"study": {"trials": 3}}, "options.study: does not apply to a landmarks job"),
         ("registration", {"study": {}}, "options.study: does not apply to a registration job"),
         ("landmarks", {"tolerance_mm": 0.1}, "options.tolerance_mm: does not apply to a landmarks job"),
+        ("study", {"scan_accuracy_mm": 0.05}, "options.scan_accuracy_mm: does not apply to a study job"),
         (
             "study",
             {"units": {"design": "mm"}},
@@ -169,7 +170,8 @@ def test_a_wrong_option_is_named(service: Service, kind: str, options: dict[str,
 @pytest.mark.parametrize("kind", ["registration", *ONE_MESH])
 def test_defaults_of_every_option_are_taken_by_every_type(service: Service, kind: str) -> None:
     units = {"design": "auto", "scan": "auto", "mesh": "auto"}
-    text = json.dumps({"units": units, "tolerance_mm": None, "study": None, "webhook": None, "label": None})
+    nothing = dict.fromkeys(("tolerance_mm", "scan_accuracy_mm", "study", "webhook", "label"))
+    text = json.dumps({"units": units, **nothing})
     answer = service.submit(text) if kind == "registration" else service.submit_one(kind, text)
     assert answer.status_code == 202, answer.text
 

@@ -1,0 +1,24 @@
+"""What was found about hypotheses other than the best pose."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorCheck:
+    """The mirrored scan under its best pose. rms_mm : truncated RMS distance; same_part : probability that it
+    is of the design, None where it fits no better than the scan itself, so that it was not asked
+    """
+
+    rms_mm: float
+    same_part: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class HypothesisChecks:
+    """unit_factor : the only one under which the scan fits, None for mm; mirrored : None where that was not
+    tested; symmetric : for each alternative pose whether it is equivalent by a symmetry of the design
+    """
+
+    unit_factor: float | None
+    mirrored: MirrorCheck | None
+    symmetric: tuple[bool, ...]

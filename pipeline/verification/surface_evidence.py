@@ -1,0 +1,125 @@
+"""What the two surfaces say about one pose: do their normals agree, is what is left of the distances noise
+and smooth distortion or a difference of shape, and where do they differ?
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.kernels import rigid
+from pipeline.kernels.patches import patch_means
+from pipeline.kernels.surface import Surface
+from pipeline.kernels.surface_patches import (
+    Patch,
+    border_length_mm,
+    largest_patch,
+    neighbour_means,
+    without_low_order,
+)
+from pipeline.stages.registration import Fit
+from pipeline.verification.thresholds import DIFFERENCE
+
+#: Standard deviations in a median absolute deviation (of the normal distribution).
+SIGMA_PER_MAD = 1.4826
+#: A scan with less open border than this many square roots of its area is closed. Chosen by hand.
+CLOSED_BORDER_RATIO = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceEvidence:
+    """normal_agreement : mean cosine of the angle between the normals of scan and design over the area of the
+    scan; 0 counts beyond the inlier distance; detail_mm : RMS over patches of the mean signed distance,
+    without what is of low order; scan_patch : the largest patch of the scan off the design, in the design's
+    frame, + outside; design_patch : the largest patch of the design that a closed scan does not show; each
+    None where there is none
+    """
+
+    normal_agreement: float
+    detail_mm: float
+    scan_patch: Patch | None
+    design_patch: Patch | None
+
+
+def assess_surfaces(
+    working_scan: Mesh,
+    working_of_clean: IndexArray,
+    scan: Mesh,
+    fit: Fit,
+    normal_sign: float,
+    design: Surface,
+    working_design: Mesh,
+    inlier_mm: float,
+    noise_mm: float,
+) -> SurfaceEvidence:
+    """The evidence under one pose.
+
+    working_scan : the working mesh of the scan, in its frame; working_of_clean : (n,) its vertex for each
+    vertex of `scan`, on which `fit` is; design : exact; working_design : its working mesh; noise_mm : of the
+    scan (1 sigma)
+    """
+    T = fit.T_design_scan
+    placed = Mesh(rigid.transformed(T, working_scan.vertices), working_scan.faces)
+    closest = design.closest(placed.vertices)
+    cosine = normal_sign * np.einsum("kd,kd->k", placed.vertex_normals(), closest.normal)
+    agrees = np.clip(cosine, 0.0, 1.0) * (closest.distance <= inlier_mm)
+    signed = _signed(fit.moved, fit.closest.point, fit.closest.normal, fit.closest.distance)
+    weights = scan.weights()
+    signed_w, weights_w = _on_working_mesh(signed, weights, working_of_clean, len(placed.vertices))
+    clipped = np.clip(signed_w, -inlier_mm, inlier_mm)
+    detail = without_low_order(placed.vertices, clipped, np.maximum(weights_w, 1e-12))
+    share, mean = patch_means(placed.vertices, detail, weights_w)
+    limit_area_mm2 = DIFFERENCE.min_area_share * float(design.mesh.face_areas_mm2().sum())
+    size_mm = design.mesh.diagonal_mm
+    trend = clipped - detail
+    scan_patch = _off_patch(placed, signed_w - trend, weights_w, noise_mm, size_mm, limit_area_mm2)
+    return SurfaceEvidence(
+        normal_agreement=float(np.average(agrees, weights=np.maximum(placed.weights(), 1e-15))),
+        detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
+        scan_patch=scan_patch,
+        design_patch=_unseen_patch(placed, working_design, noise_mm, size_mm, limit_area_mm2),
+    )
+
+
+def _off_patch(
+    mesh: Mesh, values: FloatArray, weights: FloatArray, noise_mm: float, size_mm: float, min_area_mm2: float
+) -> Patch | None:
+    """The largest patch whose smoothed value stands out of noise and of what is usual on this surface."""
+    smooth = neighbour_means(mesh, values, weights, DIFFERENCE.smoothing_rounds)
+    spread_mm = SIGMA_PER_MAD * float(np.median(np.abs(smooth - np.median(smooth))))
+    limit_mm = max(
+        DIFFERENCE.min_spreads * spread_mm,
+        DIFFERENCE.min_noises * noise_mm,
+        DIFFERENCE.min_size_share * size_mm,
+    )
+    patch = largest_patch(mesh, smooth, np.abs(smooth) > limit_mm)
+    return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+
+def _unseen_patch(
+    scan: Mesh, design: Mesh, noise_mm: float, size_mm: float, min_area_mm2: float
+) -> Patch | None:
+    """Of a closed scan (in the design's frame), the largest patch of the design that lies off it; an open one
+    leaves out what the scanner did not see.
+    """
+    if border_length_mm(scan) > CLOSED_BORDER_RATIO * float(np.sqrt(scan.face_areas_mm2().sum())):
+        return None
+    distance = Surface(scan).closest(design.vertices).distance
+    return _off_patch(design, distance, design.weights(), noise_mm, size_mm, min_area_mm2)
+
+
+def _signed(points: FloatArray, closest: FloatArray, normal: FloatArray, distance: FloatArray) -> FloatArray:
+    """(k,) distance, negative behind the plane of the closest triangle."""
+    side = np.einsum("kd,kd->k", points - closest, normal)
+    return np.where(side < 0, -distance, distance)
+
+
+def _on_working_mesh(
+    values: FloatArray, weights: FloatArray, working_of_clean: IndexArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Weighted mean (count,) of the values of the vertices nearest to each working vertex, and their
+    weight.
+    """
+    total = np.bincount(working_of_clean, weights=weights, minlength=count).astype(np.float64)
+    summed = np.bincount(working_of_clean, weights=weights * values, minlength=count)
+    return np.divide(summed, total, out=np.zeros(count), where=total > 0), total
