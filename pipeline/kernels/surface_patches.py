@@ -35,14 +35,19 @@ def neighbour_means(mesh: Mesh, values: FloatArray, weights: FloatArray, rounds:
     return np.asarray(values, dtype=np.float64)
 
 
-def largest_patch(mesh: Mesh, values: FloatArray, beyond: BoolArray) -> Patch | None:
-    """The connected patch of the vertices in `beyond` (n,) with the largest area; None without any."""
+def largest_patch(
+    mesh: Mesh, values: FloatArray, beyond: BoolArray, areas_mm2: FloatArray | None = None
+) -> Patch | None:
+    """The connected patch of the vertices in `beyond` (n,) with the largest area; None without any.
+
+    areas_mm2 : (n,) of each vertex that counts, by default all that belongs to it
+    """
     if not beyond.any():
         return None
     chosen = np.flatnonzero(beyond)
     graph = _adjacency(mesh)[chosen][:, chosen]
     patch = csgraph.connected_components(graph, directed=False)[1]
-    areas = mesh.vertex_areas_mm2()[chosen]
+    areas = (mesh.vertex_areas_mm2() if areas_mm2 is None else areas_mm2)[chosen]
     of_patch = np.bincount(patch, weights=areas)
     members = chosen[patch == int(of_patch.argmax())]
     area_mm2 = float(of_patch.max())

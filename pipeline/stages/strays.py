@@ -32,7 +32,7 @@ MAX_PART_SIZE, MIN_PART_SIZE = 1.2, 0.3
 #: Of a scan on its design: a piece of which less than this share lies within the inlier distance is a stray,
 #: where the rest covers at least `MIN_REST_COVERAGE` of the design, or the strays are at most
 #: `MAX_SHARE_OF_SMALL_REST` of the scan. Chosen by hand.
-ON_DESIGN_SHARE, MIN_REST_COVERAGE, MAX_SHARE_OF_SMALL_REST = 0.02, 0.15, 0.3
+ON_DESIGN_SHARE, MIN_REST_COVERAGE, MAX_SHARE_OF_SMALL_REST = 0.25, 0.15, 0.3
 
 #: Pieces of a scan that are tried alone where the whole does not fit: at least this share of it each, and the
 #: largest few. Chosen by hand; each costs a registration.

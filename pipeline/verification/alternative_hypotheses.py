@@ -25,7 +25,14 @@ from pipeline.search.score_ratio import SCORE_LIMITS, score_ratio
 from pipeline.stages.matching import match_landmarks
 from pipeline.stages.registration import Registration, evaluate_fit
 from pipeline.verification.equivalent_poses import add_equivalent_poses
-from pipeline.verification.evidence import Case, probability, rival_values, same_part, surface_values
+from pipeline.verification.evidence import (
+    Case,
+    log_coverage,
+    probability,
+    rival_values,
+    same_part,
+    surface_values,
+)
 from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorCheck
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.surface_evidence import assess_surfaces
@@ -107,7 +114,7 @@ def check_mirror_image(
     fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
     rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
     if rms_mm > settings.registration.mirror_gain * of_scan_mm:
-        return MirrorCheck(rms_mm, None)
+        return MirrorCheck(rms_mm, None, None)
     surfaces = assess_surfaces(
         described.mesh,
         scan.resampled.working_of_clean,
@@ -129,4 +136,7 @@ def check_mirror_image(
     ratios = [score_ratio(pose.score_mm2, best.score_mm2, design.diagonal_mm) for pose in search.alternatives]
     values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
     values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
-    return MirrorCheck(rms_mm, probability(CONFIDENCE.same_part, values))
+    values["coverage"] = log_coverage(best.coverage)
+    return MirrorCheck(
+        rms_mm, probability(CONFIDENCE.same_part, values), probability(CONFIDENCE.pose, values)
+    )

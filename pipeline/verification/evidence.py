@@ -128,7 +128,7 @@ def evidence(case: Case) -> dict[str, float]:
     values = surface_values(case.rms_mm, case.surfaces, case.quality, case.diagonal_mm)
     values |= rival_values(ratios, mirrored_mm, case.rms_mm, matched, case.scan_landmarks)
     return values | {
-        "coverage": float(np.log10(max(case.registration.design_coverage, CONFIDENCE.min_coverage))),
+        "coverage": log_coverage(case.registration.design_coverage),
     }
 
 
@@ -156,6 +156,11 @@ def rival_values(
         "lead": _lead(ratios),
         "mirror": 0.0 if mirrored_mm is None else _mirror(mirrored_mm, rms_mm),
     }
+
+
+def log_coverage(coverage: float) -> float:
+    """`coverage` from the share of the design that the scan shows."""
+    return float(np.log10(max(coverage, CONFIDENCE.min_coverage)))
 
 
 def probability(model: LogisticModel, values: Mapping[str, float]) -> float:

@@ -66,7 +66,7 @@ def differences(case: Case) -> list[Finding]:
     if patch is not None:
         detail = (
             f"a patch of {patch.area_mm2:.3g} mm^2 of the design lies up to {patch.peak:.3g} mm off the "
-            f"closed surface of the scan, at {_place(patch)}: it is missing in the scan, or covered"
+            f"scan, at {_place(patch)}: it is missing in the scan, or covered"
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
     return found
@@ -116,11 +116,13 @@ def unit_factor(factor: float) -> Finding:
 
 
 def mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
-    """The scan is the mirror image of the part: it fits far better than the scan itself, and as tightly as
+    """The scan is the mirror image of the part: it fits far better than the scan itself, and as surely as
     `ok` asks; None where it does not.
     """
     check = case.checks.mirrored
-    if check is None or check.same_part is None or check.same_part < VERDICT.ok_same_part:
+    if check is None or check.same_part is None or check.pose is None:
+        return None
+    if check.same_part < VERDICT.ok_same_part or check.pose < VERDICT.ok_pose:
         return None
     limit_mm = case.quality.residual_limit_mm
     if check.rms_mm > limit_mm or check.rms_mm > settings.mirror_gain * case.rms_mm:

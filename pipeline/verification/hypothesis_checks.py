@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class MirrorCheck:
-    """The mirrored scan under its best pose. rms_mm : truncated RMS distance; same_part : probability that it
-    is of the design, None where it fits no better than the scan itself, so that it was not asked
+    """The mirrored scan under its best pose. rms_mm : truncated RMS distance; same_part, pose : probabilities
+    that it is of the design, and that its pose is right; None where it fits not much better than the scan
+    itself, so that they were not asked
     """
 
     rms_mm: float
     same_part: float | None
+    pose: float | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, IndexArray, Mesh
-from pipeline.kernels import rigid
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
+from pipeline.kernels import rigid, sampling
+from pipeline.kernels.nearest import nearest
 from pipeline.kernels.patches import patch_means
+from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.surface_patches import (
     Patch,
@@ -31,8 +33,8 @@ class SurfaceEvidence:
     """normal_agreement : mean cosine of the angle between the normals of scan and design over the area of the
     scan; 0 counts beyond the inlier distance; detail_mm : RMS over patches of the mean signed distance,
     without what is of low order; scan_patch : the largest patch of the scan off the design, in the design's
-    frame, + outside; design_patch : the largest patch of the design that a closed scan does not show; each
-    None where there is none
+    frame, + outside; design_patch : the largest patch of the design that the scan should show and does
+    not; each None where there is none
     """
 
     normal_agreement: float
@@ -77,7 +79,9 @@ def assess_surfaces(
         normal_agreement=float(np.average(agrees, weights=np.maximum(placed.weights(), 1e-15))),
         detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
         scan_patch=scan_patch,
-        design_patch=_unseen_patch(placed, working_design, noise_mm, size_mm, limit_area_mm2),
+        design_patch=_unseen_patch(
+            placed, normal_sign, working_design, design, noise_mm, inlier_mm, limit_area_mm2
+        ),
     )
 
 
@@ -97,15 +101,91 @@ def _off_patch(
 
 
 def _unseen_patch(
-    scan: Mesh, design: Mesh, noise_mm: float, size_mm: float, min_area_mm2: float
+    scan: Mesh,
+    normal_sign: float,
+    working_design: Mesh,
+    design: Surface,
+    noise_mm: float,
+    inlier_mm: float,
+    min_area_mm2: float,
 ) -> Patch | None:
-    """Of a closed scan (in the design's frame), the largest patch of the design that lies off it; an open one
-    leaves out what the scanner did not see.
+    """The largest patch of the design that the scan should show and does not. scan : in the design's frame
+
+    Of a closed scan any patch that lies off it. An open one leaves out what the scanner did not see: there,
+    what the scanner saw past (`_seen_past`); and a whole body, where the scan shows most of the others.
+    Cavities, which no scanner of surfaces sees, do not count.
     """
-    if border_length_mm(scan) > CLOSED_BORDER_RATIO * float(np.sqrt(scan.face_areas_mm2().sum())):
+    surface, size_mm = Surface(scan), design.mesh.diagonal_mm
+    visible = ~_in_cavity(working_design, design)
+    distance = np.where(visible, surface.closest(working_design.vertices).distance, 0.0)
+    if border_length_mm(scan) <= CLOSED_BORDER_RATIO * float(np.sqrt(scan.face_areas_mm2().sum())):
+        weights = working_design.weights()
+        return _off_patch(working_design, distance, weights, noise_mm, size_mm, min_area_mm2)
+    patch = _seen_past(surface, normal_sign, working_design, design, noise_mm)
+    if patch is not None and patch.area_mm2 >= min_area_mm2:
+        return patch
+    return _unseen_body(working_design, distance, inlier_mm, min_area_mm2)
+
+
+def _seen_past(
+    scan: Surface, normal_sign: float, working_design: Mesh, design: Surface, noise_mm: float
+) -> Patch | None:
+    """The largest patch of the design where the scanner saw a surface behind it, through its material: under
+    a boss that is not there. In a corner that was not scanned there is only air between surface and scan.
+
+    scan : in the design's frame
+    """
+    size_mm = design.mesh.diagonal_mm
+    samples = sampling.on_surface(design.mesh, DIFFERENCE.samples, 0)
+    closest = scan.closest(samples.points)
+    in_front = normal_sign * np.einsum("kd,kd->k", samples.points - closest.point, closest.normal) > 0
+    off_mm = max(DIFFERENCE.min_noises * noise_mm, DIFFERENCE.min_size_share * size_mm)
+    chosen = np.flatnonzero(in_front & (closest.distance > off_mm) & ~scan.on_open_border(closest))
+    middle = (samples.points[chosen] + closest.point[chosen]) / 2
+    depth_mm = -design.signed_distance(middle, design.closest(middle))
+    deep_mm = max(DIFFERENCE.min_depth_noises * noise_mm, DIFFERENCE.min_depth_share * size_mm)
+    chosen = chosen[depth_mm > deep_mm]
+    if chosen.size == 0:
         return None
-    distance = Surface(scan).closest(design.vertices).distance
-    return _off_patch(design, distance, design.weights(), noise_mm, size_mm, min_area_mm2)
+    _, vertex = nearest(working_design.vertices, samples.points[chosen])
+    count = np.bincount(vertex, minlength=len(working_design.vertices))
+    summed = np.bincount(vertex, weights=closest.distance[chosen], minlength=len(count))
+    mean_mm = np.divide(summed, count, out=np.zeros(len(count)), where=count > 0)
+    area_of_sample_mm2 = float(design.mesh.face_areas_mm2().sum()) / DIFFERENCE.samples
+    areas_mm2 = area_of_sample_mm2 * count.astype(np.float64)
+    return largest_patch(working_design, mean_mm, count > 0, areas_mm2)
+
+
+def _unseen_body(mesh: Mesh, distance: FloatArray, inlier_mm: float, min_area_mm2: float) -> Patch | None:
+    """The largest connected piece of the design of which the scan shows nothing."""
+    pieces = Pieces.of(mesh)
+    if pieces.count == 1:
+        return None
+    areas = mesh.vertex_areas_mm2()
+    seen_mm2 = np.bincount(pieces.of_vertex, weights=areas * (distance <= inlier_mm), minlength=pieces.count)
+    for piece in np.argsort(-pieces.weight, kind="stable"):
+        rest_mm2 = float(pieces.weight.sum() - pieces.weight[piece])
+        rest_seen = float(seen_mm2.sum() - seen_mm2[piece]) / max(rest_mm2, 1e-300)
+        unseen = seen_mm2[piece] <= DIFFERENCE.max_unseen_share * pieces.weight[piece]
+        if pieces.weight[piece] < min_area_mm2 or not unseen or rest_seen < DIFFERENCE.min_rest_seen:
+            continue
+        members = np.flatnonzero(pieces.of_vertex == piece)
+        farthest = members[int(distance[members].argmax())]
+        mean = float(np.average(distance[members], weights=np.maximum(areas[members], 1e-300)))
+        return Patch(mesh.vertices[farthest], float(pieces.weight[piece]), mean, float(distance[farthest]))
+    return None
+
+
+def _in_cavity(mesh: Mesh, design: Surface) -> BoolArray:
+    """(n,) the vertices of pieces whose surface the design itself covers nearly everywhere."""
+    pieces = Pieces.of(mesh)
+    if pieces.count == 1:
+        return np.zeros(len(mesh.vertices), dtype=np.bool_)
+    normals = mesh.vertex_normals()
+    starts = mesh.vertices + DIFFERENCE.ray_start_share * design.mesh.diagonal_mm * normals
+    covered = design.intersects_rays(starts, normals)
+    share = np.bincount(pieces.of_vertex, weights=covered) / np.bincount(pieces.of_vertex)
+    return np.asarray((share > DIFFERENCE.hidden_share)[pieces.of_vertex])
 
 
 def _signed(points: FloatArray, closest: FloatArray, normal: FloatArray, distance: FloatArray) -> FloatArray:

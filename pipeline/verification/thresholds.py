@@ -98,13 +98,27 @@ class DifferenceLimits:
     min_noises : standard deviations of the scan's noise. The definition of "the scan can show it"
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
     min_area_share : area of the patch over that of the design. Chosen by hand
+    samples : of the design, each for the same area, that are looked up in the scan
+    min_depth_noises, min_depth_share : of the scan's noise and of the diagonal; depth in the design's
+    material from which on the scanner saw past it. Chosen by hand
+    max_unseen_share : of a body of the design that the scan shows, up to which it is missing, where at least
+    min_rest_seen : of the area of the other bodies is shown. Chosen by hand
+    hidden_share : of a body that the design itself covers, from which on it is a cavity. Chosen by hand
+    ray_start_share : of the diagonal, by which the rays of that test start off the surface
     """
 
     smoothing_rounds: int = 1
     min_spreads: float = 8.0
     min_noises: float = 4.0
     min_size_share: float = 0.006
-    min_area_share: float = 0.0015
+    min_area_share: float = 0.0008
+    min_depth_noises: float = 2.0
+    min_depth_share: float = 0.002
+    samples: int = 20_000
+    max_unseen_share: float = 0.02
+    min_rest_seen: float = 0.6
+    hidden_share: float = 0.9
+    ray_start_share: float = 1e-4
 
 
 @dataclass(frozen=True, slots=True)

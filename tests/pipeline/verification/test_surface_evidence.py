@@ -1,0 +1,83 @@
+"""What the surfaces say: a bump and a dent are found where they are, a body that is not scanned too, a cavity
+is none, and smooth distortion is no difference of shape.
+"""
+
+import numpy as np
+
+from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.kernels.surface import Surface
+from pipeline.stages.registration import evaluate_fit
+from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
+from tests.support import shapes
+from tests.support.scanners.surroundings import joined
+
+BLOB = shapes.bumpy_blob(4)
+INLIER_MM = 1.3
+NOISE_MM = 0.02
+BALL = shapes.icosphere(4.0, 3)
+
+
+def evidence(scan: Mesh, design: Mesh = BLOB) -> SurfaceEvidence:
+    """Of a scan in place, which is its own working mesh."""
+    surface = Surface(design)
+    fit = evaluate_fit(scan, scan.weights(), surface, np.eye(4), INLIER_MM)
+    of_clean = np.arange(len(scan.vertices))
+    return assess_surfaces(scan, of_clean, scan, fit, 1.0, surface, design, INLIER_MM, NOISE_MM)
+
+
+def raised(height_mm: float, direction: FloatArray, width_deg: float = 14.0) -> Mesh:
+    """The blob with a bump (a dent) of that height around one direction."""
+    n = BLOB.vertices / np.linalg.norm(BLOB.vertices, axis=1, keepdims=True)
+    inside = n @ direction > np.cos(np.radians(width_deg))
+    return Mesh(BLOB.vertices + height_mm * inside[:, None] * BLOB.vertex_normals(), BLOB.faces)
+
+
+def test_the_part_itself_differs_nowhere() -> None:
+    found = evidence(BLOB)
+    assert found.normal_agreement > 0.98
+    assert found.detail_mm < 1e-6
+    assert found.scan_patch is None and found.design_patch is None
+
+
+def test_a_bump_and_a_dent_are_found_where_they_are_with_their_side() -> None:
+    direction = np.array([0.0, 0.6, 0.8])
+    for height_mm in (1.5, -1.5):
+        patch = evidence(raised(height_mm, direction)).scan_patch
+        assert patch is not None
+        assert np.sign(patch.mean) == np.sign(height_mm)
+        assert 0.5 < abs(patch.peak) <= 1.6
+        at = patch.centre_mm / np.linalg.norm(patch.centre_mm)
+        assert at @ direction > np.cos(np.radians(20))
+
+
+def test_smooth_distortion_and_noise_are_no_difference() -> None:
+    rng = np.random.default_rng(0)
+    x, y, _ = (BLOB.vertices / 30.0).T
+    bent = 0.4 * (x**2 - 0.5 * x * y)
+    noise = rng.normal(0.0, NOISE_MM, len(x))
+    found = evidence(Mesh(BLOB.vertices + (bent + noise)[:, None] * BLOB.vertex_normals(), BLOB.faces))
+    assert found.scan_patch is None and found.design_patch is None
+    assert found.detail_mm < 0.05
+
+
+def opened(mesh: Mesh) -> Mesh:
+    """Without what lies lowest: a scan on a table."""
+    low = mesh.vertices[:, 2] < np.quantile(mesh.vertices[:, 2], 0.1)
+    used = np.unique(faces := mesh.faces[~low[mesh.faces].any(axis=1)])
+    return Mesh(mesh.vertices[used], np.searchsorted(used, faces))
+
+
+def test_a_body_that_is_not_scanned_is_missing_and_a_cavity_is_not() -> None:
+    body = Mesh(BALL.vertices + np.array([34.0, 0.0, 0.0]), BALL.faces)
+    for scan in (BLOB, opened(BLOB)):
+        patch = evidence(scan, joined([BLOB, body])).design_patch
+        assert patch is not None
+        assert np.linalg.norm(patch.centre_mm - [34.0, 0.0, 0.0]) < 4.5
+    cavity = Mesh(BALL.vertices, BALL.faces[:, ::-1])
+    for scan in (BLOB, opened(BLOB)):
+        assert evidence(scan, joined([BLOB, cavity])).design_patch is None
+
+
+def test_what_an_open_scan_does_not_show_is_not_missing() -> None:
+    found = evidence(opened(BLOB))
+    assert found.scan_patch is None and found.design_patch is None
