@@ -122,7 +122,8 @@ def _unseen_patch(
         weights = working_design.weights()
         return _off_patch(working_design, distance, weights, noise_mm, size_mm, min_area_mm2)
     patch = _seen_past(surface, normal_sign, working_design, design, noise_mm)
-    if patch is not None and patch.area_mm2 >= min_area_mm2:
+    min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
+    if patch is not None and patch.area_mm2 >= min_seen_past_mm2:
         return patch
     return _unseen_body(working_design, distance, inlier_mm, min_area_mm2)
 

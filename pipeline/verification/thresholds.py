@@ -98,6 +98,8 @@ class DifferenceLimits:
     min_noises : standard deviations of the scan's noise. The definition of "the scan can show it"
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
     min_area_share : area of the patch over that of the design. Chosen by hand
+    min_seen_past_share : area that the scanner saw past over that of the design. Chosen by hand: at the cut
+    struts of a lattice 0.1 % looks so
     samples : of the design, each for the same area, that are looked up in the scan
     min_depth_noises, min_depth_share : of the scan's noise and of the diagonal; depth in the design's
     material from which on the scanner saw past it. Chosen by hand
@@ -114,6 +116,7 @@ class DifferenceLimits:
     min_area_share: float = 0.0008
     min_depth_noises: float = 2.0
     min_depth_share: float = 0.002
+    min_seen_past_share: float = 0.002
     samples: int = 20_000
     max_unseen_share: float = 0.02
     min_rest_seen: float = 0.6

@@ -107,6 +107,7 @@ def test_structured_light_is_as_accurate_as_stated() -> None:
     assert 0.5 * 0.05 < rms_mm < 1.2 * 0.05
 
 
+@pytest.mark.nightly
 def test_a_dental_scan_has_holes_where_nothing_is_seen_from_above() -> None:
     tube = shapes.torus(10.0, 3.0, 96, 48)
     scan = scanners.dental_scanner(tube, 0.02, rng())
@@ -119,6 +120,7 @@ def test_a_dental_scan_has_holes_where_nothing_is_seen_from_above() -> None:
     assert np.sqrt((distances_mm(scan, tube) ** 2).mean()) < 2 * 0.02 + 0.01
 
 
+@pytest.mark.nightly
 def test_ct_is_closed_and_within_a_voxel() -> None:
     scan = scanners.ct(PART, 0.4, rng())
     assert (topology.edges(scan.mesh.faces).count == 2).all()
@@ -207,6 +209,7 @@ def test_the_part_stands_on_a_touching_table() -> None:
     assert abs(height_mm.min()) < 1e-9
 
 
+@pytest.mark.nightly
 def test_the_other_scanners_too_give_the_same_bytes_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.import_module("tests.support.scanners.dental"), "VERTICES", 2_000)
     made: tuple[Scanner, ...] = (

@@ -43,6 +43,7 @@ def test_every_variant_is_closed_and_is_not_its_design(seed: int) -> None:
         assert expected(variant, noise_mm).is_visible != is_small, variant.name
 
 
+@pytest.mark.nightly
 def test_the_smallest_change_of_a_bracket_and_those_of_a_bolt_are_changes() -> None:
     of_bracket = islice(catalogue.feature_variants("bracket", 0), 1, 2)  # its hole, moved by 0.3 %
     for variant in chain(of_bracket, catalogue.shape_variants("bolt", 0)):

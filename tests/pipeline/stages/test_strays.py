@@ -92,7 +92,10 @@ def test_what_lies_nowhere_on_the_design_is_left_out() -> None:
     np.testing.assert_array_equal(only.mesh.vertices, rest.mesh.vertices)
 
 
-@pytest.mark.parametrize("kind", ["table", "clamp", "specks"])
+@pytest.mark.parametrize(
+    "kind",
+    ["clamp", *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ("table", "supports", "specks"))],
+)
 def test_surroundings_change_neither_status_nor_pose(tmp_path: Path, kind: str) -> None:
     scan = scanned(shapes.motion(3))
     design = save(PART, tmp_path / "design.ply")
