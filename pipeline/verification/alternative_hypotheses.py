@@ -16,7 +16,7 @@ from pipeline.analysis.scan_registration import (
 )
 from pipeline.core.errors import PipelineError
 from pipeline.core.job_parameters import JobParameters
-from pipeline.core.mesh import Mesh
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import RegistrationSettings
 from pipeline.core.timing import silent
 from pipeline.search.pose_search import search_pose
@@ -37,6 +37,7 @@ from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorChec
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.surface_evidence import assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, HYPOTHESES, UNIT_FACTORS, VERDICT
+from pipeline.verification.unreflected import register_unreflected
 
 
 def fits(registration: Registration, quality: ScannerQuality, settings: RegistrationSettings) -> bool:
@@ -64,7 +65,9 @@ def verify_hypotheses(
             unit_factor, registered = rescaled
     rms_mm = registered.registration.fit.truncated_rms_mm
     if unit_factor is None and rms_mm > settings.mirror_share * design.diagonal_mm:
-        mirrored = check_mirror_image(registered, quality, design, job)
+        mirrored, T_design_mirrored = check_mirror_image(registered, quality, design, job)
+        if mirrored.same_part is not None:
+            registered = register_unreflected(registered, T_design_mirrored, design, job)
     registered, symmetric = add_equivalent_poses(registered, design, job)
     return registered, HypothesisChecks(unit_factor, mirrored, symmetric)
 
@@ -103,8 +106,8 @@ def check_other_units(
 
 def check_mirror_image(
     registered: RegisteredScan, quality: ScannerQuality, design: DesignModel, job: JobParameters
-) -> MirrorCheck:
-    """How well the mirrored scan fits under its best pose."""
+) -> tuple[MirrorCheck, FloatArray]:
+    """How well the mirrored scan fits under its best pose, and that pose (4, 4), `T_design_mirrored`."""
     settings, registration, scan = job.settings, registered.registration, registered.scan
     described = registered.described.mirrored(design.matching_mm, settings.matching)
     matching = match_to_design(described, design, job)
@@ -114,7 +117,7 @@ def check_mirror_image(
     fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
     rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
     if rms_mm > settings.registration.mirror_gain * of_scan_mm:
-        return MirrorCheck(rms_mm, None, None)
+        return MirrorCheck(rms_mm, None, None), best.T_design_scan
     surfaces = assess_surfaces(
         described.mesh,
         scan.resampled.working_of_clean,
@@ -124,7 +127,7 @@ def check_mirror_image(
         design.surface,
         design.analysis.resampled.mesh,
         inlier_mm,
-        quality.noise_mm or 0.0,
+        max(quality.noise_mm or 0.0, quality.accuracy_mm or 0.0),
     )
     under = match_landmarks(
         design.described.landmarks,
@@ -137,6 +140,5 @@ def check_mirror_image(
     values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
     values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
     values["coverage"] = log_coverage(best.coverage)
-    return MirrorCheck(
-        rms_mm, probability(CONFIDENCE.same_part, values), probability(CONFIDENCE.pose, values)
-    )
+    part, pose = (probability(model, values) for model in (CONFIDENCE.same_part, CONFIDENCE.pose))
+    return MirrorCheck(rms_mm, part, pose), best.T_design_scan

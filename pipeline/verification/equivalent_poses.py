@@ -54,7 +54,7 @@ def _best_of_equivalents(
     threshold_mm2 = (HYPOTHESES.symmetry_better_share * design.diagonal_mm) ** 2
     limit_mm2 = HYPOTHESES.symmetry_better_ratio * best.cost_mm2 - threshold_mm2
     if _evaluate(closest, registered, fine, design).cost_mm2 < limit_mm2:
-        return _register_from(closest, registered, design, job)
+        return register_from(closest, registered, design, job)
     return registered
 
 
@@ -89,7 +89,7 @@ def _is_as_good(pose: Pose, best: Pose, design: DesignModel) -> bool:
     return pose.cost_mm2 <= SCORE_LIMITS.loose_fit_margin * best.cost_mm2 + allowance_mm2
 
 
-def _register_from(
+def register_from(
     T_design_scan: FloatArray, registered: RegisteredScan, design: DesignModel, job: JobParameters
 ) -> RegisteredScan:
     """Registered anew, `T_design_scan` the first hypothesis."""

@@ -58,9 +58,15 @@ def assess_surfaces(
 
     working_scan : the working mesh of the scan, in its frame; working_of_clean : (n,) its vertex for each
     vertex of `scan`, on which `fit` is; design : exact; working_design : its working mesh; noise_mm : of the
-    scan (1 sigma)
+    scan, or of its scanner as stated (1 sigma)
     """
     T = fit.T_design_scan
+    size_mm = design.mesh.diagonal_mm
+    visible_mm = max(
+        DIFFERENCE.min_noises * noise_mm,
+        DIFFERENCE.min_residuals * fit.truncated_rms_mm,
+        DIFFERENCE.min_size_share * size_mm,
+    )
     placed = Mesh(rigid.transformed(T, working_scan.vertices), working_scan.faces)
     closest = design.closest(placed.vertices)
     cosine = normal_sign * np.einsum("kd,kd->k", placed.vertex_normals(), closest.normal)
@@ -72,30 +78,25 @@ def assess_surfaces(
     detail = without_low_order(placed.vertices, clipped, np.maximum(weights_w, 1e-12))
     share, mean = patch_means(placed.vertices, detail, weights_w)
     limit_area_mm2 = DIFFERENCE.min_area_share * float(design.mesh.face_areas_mm2().sum())
-    size_mm = design.mesh.diagonal_mm
     trend = clipped - detail
-    scan_patch = _off_patch(placed, signed_w - trend, weights_w, noise_mm, size_mm, limit_area_mm2)
+    scan_patch = _off_patch(placed, signed_w - trend, weights_w, visible_mm, limit_area_mm2)
     return SurfaceEvidence(
         normal_agreement=float(np.average(agrees, weights=np.maximum(placed.weights(), 1e-15))),
         detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
         scan_patch=scan_patch,
         design_patch=_unseen_patch(
-            placed, normal_sign, working_design, design, noise_mm, inlier_mm, limit_area_mm2
+            placed, normal_sign, working_design, design, visible_mm, inlier_mm, limit_area_mm2
         ),
     )
 
 
 def _off_patch(
-    mesh: Mesh, values: FloatArray, weights: FloatArray, noise_mm: float, size_mm: float, min_area_mm2: float
+    mesh: Mesh, values: FloatArray, weights: FloatArray, visible_mm: float, min_area_mm2: float
 ) -> Patch | None:
-    """The largest patch whose smoothed value stands out of noise and of what is usual on this surface."""
+    """The largest patch whose smoothed value stands out of what is usual on this surface, and is visible."""
     smooth = neighbour_means(mesh, values, weights, DIFFERENCE.smoothing_rounds)
     spread_mm = SIGMA_PER_MAD * float(np.median(np.abs(smooth - np.median(smooth))))
-    limit_mm = max(
-        DIFFERENCE.min_spreads * spread_mm,
-        DIFFERENCE.min_noises * noise_mm,
-        DIFFERENCE.min_size_share * size_mm,
-    )
+    limit_mm = max(DIFFERENCE.min_spreads * spread_mm, visible_mm)
     patch = largest_patch(mesh, smooth, np.abs(smooth) > limit_mm)
     return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
 
@@ -105,7 +106,7 @@ def _unseen_patch(
     normal_sign: float,
     working_design: Mesh,
     design: Surface,
-    noise_mm: float,
+    visible_mm: float,
     inlier_mm: float,
     min_area_mm2: float,
 ) -> Patch | None:
@@ -115,13 +116,13 @@ def _unseen_patch(
     what the scanner saw past (`_seen_past`); and a whole body, where the scan shows most of the others.
     Cavities, which no scanner of surfaces sees, do not count.
     """
-    surface, size_mm = Surface(scan), design.mesh.diagonal_mm
+    surface = Surface(scan)
     visible = ~_in_cavity(working_design, design)
     distance = np.where(visible, surface.closest(working_design.vertices).distance, 0.0)
     if border_length_mm(scan) <= CLOSED_BORDER_RATIO * float(np.sqrt(scan.face_areas_mm2().sum())):
         weights = working_design.weights()
-        return _off_patch(working_design, distance, weights, noise_mm, size_mm, min_area_mm2)
-    patch = _seen_past(surface, normal_sign, working_design, design, noise_mm)
+        return _off_patch(working_design, distance, weights, visible_mm, min_area_mm2)
+    patch = _seen_past(surface, normal_sign, working_design, design, visible_mm)
     min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
     if patch is not None and patch.area_mm2 >= min_seen_past_mm2:
         return patch
@@ -129,23 +130,20 @@ def _unseen_patch(
 
 
 def _seen_past(
-    scan: Surface, normal_sign: float, working_design: Mesh, design: Surface, noise_mm: float
+    scan: Surface, normal_sign: float, working_design: Mesh, design: Surface, visible_mm: float
 ) -> Patch | None:
     """The largest patch of the design where the scanner saw a surface behind it, through its material: under
     a boss that is not there. In a corner that was not scanned there is only air between surface and scan.
 
     scan : in the design's frame
     """
-    size_mm = design.mesh.diagonal_mm
     samples = sampling.on_surface(design.mesh, DIFFERENCE.samples, 0)
     closest = scan.closest(samples.points)
     in_front = normal_sign * np.einsum("kd,kd->k", samples.points - closest.point, closest.normal) > 0
-    off_mm = max(DIFFERENCE.min_noises * noise_mm, DIFFERENCE.min_size_share * size_mm)
-    chosen = np.flatnonzero(in_front & (closest.distance > off_mm) & ~scan.on_open_border(closest))
+    chosen = np.flatnonzero(in_front & (closest.distance > visible_mm) & ~scan.on_open_border(closest))
     middle = (samples.points[chosen] + closest.point[chosen]) / 2
     depth_mm = -design.signed_distance(middle, design.closest(middle))
-    deep_mm = max(DIFFERENCE.min_depth_noises * noise_mm, DIFFERENCE.min_depth_share * size_mm)
-    chosen = chosen[depth_mm > deep_mm]
+    chosen = chosen[depth_mm > DIFFERENCE.min_depth_ratio * visible_mm]
     if chosen.size == 0:
         return None
     _, vertex = nearest(working_design.vertices, samples.points[chosen])

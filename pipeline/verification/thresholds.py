@@ -96,13 +96,14 @@ class DifferenceLimits:
     smoothing_rounds : of averaging over neighbours on the working mesh before the comparison. Chosen by hand
     min_spreads : robust standard deviations of the smoothed distances over the whole surface
     min_noises : standard deviations of the scan's noise. The definition of "the scan can show it"
+    min_residuals : of the residual of the whole scan. Chosen by hand: a camera's distortion is not noise
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
     min_area_share : area of the patch over that of the design. Chosen by hand
     min_seen_past_share : area that the scanner saw past over that of the design. Chosen by hand: at the cut
     struts of a lattice 0.1 % looks so
     samples : of the design, each for the same area, that are looked up in the scan
-    min_depth_noises, min_depth_share : of the scan's noise and of the diagonal; depth in the design's
-    material from which on the scanner saw past it. Chosen by hand
+    min_depth_ratio : depth in the design's material over the smallest visible distance, from which on the
+    scanner saw past it. Chosen by hand
     max_unseen_share : of a body of the design that the scan shows, up to which it is missing, where at least
     min_rest_seen : of the area of the other bodies is shown. Chosen by hand
     hidden_share : of a body that the design itself covers, from which on it is a cavity. Chosen by hand
@@ -112,10 +113,10 @@ class DifferenceLimits:
     smoothing_rounds: int = 1
     min_spreads: float = 8.0
     min_noises: float = 4.0
+    min_residuals: float = 4.0
     min_size_share: float = 0.006
     min_area_share: float = 0.0008
-    min_depth_noises: float = 2.0
-    min_depth_share: float = 0.002
+    min_depth_ratio: float = 0.4
     min_seen_past_share: float = 0.002
     samples: int = 20_000
     max_unseen_share: float = 0.02
