@@ -14,14 +14,19 @@ from pipeline.kernels.nearest import k_nearest
 NEIGHBOURS = (16, 32, 64)
 #: Points at which quadrics are fitted; more change the estimate by less than 3 %. Chosen by hand.
 SAMPLES = 400
+#: Distance of two points of opposite normals, over twice the radius of the largest patch. Chosen by hand:
+#: enough to leave out the other side of a wall, little beside the scatter of the normals of a noisy scan.
+NORMAL_WEIGHT = 0.5
 #: Largest RMS radius of a patch over the diagonal of the scan (median). Chosen by hand.
 MAX_PATCH_SHARE = 0.03
 #: Unknowns of z = a + b x + c y + d x^2 + e x y + f y^2 (derived).
 UNKNOWNS = 6
 
 
-def local_noise_mm(points: FloatArray, seed: int) -> float | None:
+def local_noise_mm(points: FloatArray, seed: int, normals: FloatArray | None = None) -> float | None:
     """Standard deviation (mm) of the points (n, 3) across their own surface; None for too few points.
+
+    normals : (n, 3) unit; with them, the other side of a thin wall is no neighbour
 
     The median over samples is taken, so that edges and outliers do not count; of the scales the one with the
     smallest median. Scales at which the patches are no longer small beside the part are left out: there its
@@ -31,6 +36,10 @@ def local_noise_mm(points: FloatArray, seed: int) -> float | None:
         return None
     some = np.sort(np.random.default_rng(seed).permutation(len(points))[:SAMPLES])
     index = k_nearest(points, points[some], max(NEIGHBOURS))
+    if normals is not None:
+        reach_mm = float(np.median(np.linalg.norm(points[index[:, -1]] - points[some], axis=1)))
+        oriented = np.concatenate([points, NORMAL_WEIGHT * reach_mm * normals], axis=1)
+        index = k_nearest(oriented, oriented[some], max(NEIGHBOURS))
     diagonal_mm = float(np.linalg.norm(np.ptp(points, axis=0)))
     found = []
     for count in NEIGHBOURS:

@@ -127,7 +127,7 @@ def check_mirror_image(
         design.surface,
         design.analysis.resampled.mesh,
         inlier_mm,
-        max(quality.noise_mm or 0.0, quality.accuracy_mm or 0.0),
+        quality.accuracy_mm or 0.0,
     )
     under = match_landmarks(
         design.described.landmarks,

@@ -71,7 +71,7 @@ class Case:
             design.surface,
             design.analysis.resampled.mesh,
             registration.inlier_distance_mm,
-            max(quality.noise_mm or 0.0, quality.accuracy_mm or 0.0),
+            quality.accuracy_mm or 0.0,
         )
         return cls(
             registration=registration,

@@ -28,7 +28,7 @@ class ScannerQuality:
 
 def assess_quality(scan: Mesh, design_diagonal_mm: float, job: JobParameters) -> ScannerQuality:
     """scan : cleaned, mm"""
-    noise_mm = local_noise_mm(scan.vertices, job.seed)
+    noise_mm = local_noise_mm(scan.vertices, job.seed, None if scan.is_cloud else scan.vertex_normals())
     stated_mm = job.settings.registration.scan_accuracy_mm
     measured_mm = min(noise_mm or 0.0, MAX_MEASURED_SHARE * design_diagonal_mm)
     return ScannerQuality(

@@ -52,18 +52,18 @@ def assess_surfaces(
     design: Surface,
     working_design: Mesh,
     inlier_mm: float,
-    noise_mm: float,
+    accuracy_mm: float,
 ) -> SurfaceEvidence:
     """The evidence under one pose.
 
     working_scan : the working mesh of the scan, in its frame; working_of_clean : (n,) its vertex for each
-    vertex of `scan`, on which `fit` is; design : exact; working_design : its working mesh; noise_mm : of the
-    scan, or of its scanner as stated (1 sigma)
+    vertex of `scan`, on which `fit` is; design : exact; working_design : its working mesh; accuracy_mm :
+    of the scanner as stated (1 sigma), or 0
     """
     T = fit.T_design_scan
     size_mm = design.mesh.diagonal_mm
     visible_mm = max(
-        DIFFERENCE.min_noises * noise_mm,
+        DIFFERENCE.min_sigmas * accuracy_mm,
         DIFFERENCE.min_residuals * fit.truncated_rms_mm,
         DIFFERENCE.min_size_share * size_mm,
     )

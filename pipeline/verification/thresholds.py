@@ -95,8 +95,8 @@ class DifferenceLimits:
 
     smoothing_rounds : of averaging over neighbours on the working mesh before the comparison. Chosen by hand
     min_spreads : robust standard deviations of the smoothed distances over the whole surface
-    min_noises : standard deviations of the scan's noise. The definition of "the scan can show it"
-    min_residuals : of the residual of the whole scan. Chosen by hand: a camera's distortion is not noise
+    min_sigmas : standard deviations of the scanner as stated. The definition of "the scan can show it"
+    min_residuals : of the residual of the whole scan, which holds its noise. Chosen by hand
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
     min_area_share : area of the patch over that of the design. Chosen by hand
     min_seen_past_share : area that the scanner saw past over that of the design. Chosen by hand: at the cut
@@ -112,7 +112,7 @@ class DifferenceLimits:
 
     smoothing_rounds: int = 1
     min_spreads: float = 8.0
-    min_noises: float = 4.0
+    min_sigmas: float = 4.0
     min_residuals: float = 4.0
     min_size_share: float = 0.006
     min_area_share: float = 0.0008

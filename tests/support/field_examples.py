@@ -81,7 +81,7 @@ OTHERS: dict[str, list[Any]] = {
             "motions": [[[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]],
         }
     ],
-    "ScanQuality": [{"accuracy_mm": 0.02}],
+    "ScanQuality": [{"accuracy_mm": 0.02, "noise_mm": 0.011}],
     "FreeMotion": [{"kind": "rotation", "axis": [0, 0, 1], "point_mm": [0, 0, 12.5], "sigma_mm": 3.1}],
     "StudySettings": [{"noise_mm": 0.1, "rotation_deg": 30.0, "eps": 0.01, "count": 20}],
     "Quantiles": [{"n": 100, "p05": 0.7, "p25": 0.85, "p50": 0.9, "p75": 0.95, "p95": 1.0}],

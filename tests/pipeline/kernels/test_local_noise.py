@@ -37,3 +37,12 @@ def test_it_scales_and_turns_with_the_scan() -> None:
 
 def test_few_points_have_no_estimate() -> None:
     assert local_noise_mm(noisy_blob(0.05)[:50], 0) is None
+
+
+def test_the_other_side_of_a_thin_wall_is_no_neighbour() -> None:
+    plane = shapes.grid_plane(40, 40, step_mm=1.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, (2, len(plane.vertices)))
+    up = np.array([0.0, 0.0, 1.0])
+    sides = [plane.vertices + n[:, None] * up + z * up for n, z in zip(noise, (0.0, 1.5), strict=True)]
+    normals = np.concatenate([np.tile(sign * up, (len(plane.vertices), 1)) for sign in (-1.0, 1.0)])
+    assert local_noise_mm(np.concatenate(sides), 0, normals) == pytest.approx(0.02, rel=0.15)

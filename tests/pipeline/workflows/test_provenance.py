@@ -25,4 +25,6 @@ def test_the_limits_are_the_values_in_use() -> None:
     found = limits()
     assert found["search"]["matching"]["distinct_share"] == schedule.MATCHING.distinct_share
     assert found["verdict"]["thresholds"]["ambiguity"]["loose_fit_margin"] == 2.0
-    assert found["verdict"]["confidence"]["weights"] == thresholds.CONFIDENCE.weights
+    for name in ("same_part", "pose"):
+        weights = found["verdict"]["confidence"][name]["weights"]
+        assert weights == getattr(thresholds.CONFIDENCE, name).weights
