@@ -72,6 +72,19 @@ def differences(case: Case) -> list[Finding]:
     return found
 
 
+def flat_scan(case: Case) -> list[Finding]:
+    """The scan is a flat piece: what holds it in its plane is its outline alone, which may be a cut."""
+    thickness_mm = case.surfaces.thickness_mm
+    flat_mm = max(VERDICT.flat_noises * (case.quality.noise_mm or 0.0), VERDICT.flat_share * case.diagonal_mm)
+    if thickness_mm > flat_mm:
+        return []
+    detail = (
+        f"the scan is flat to {thickness_mm:.3g} mm (RMS): it fits on any flat of its size, and only edges "
+        "and holes tell where; scan the part from another side too"
+    )
+    return [Finding(code="flat_scan", detail=detail, value=thickness_mm)]
+
+
 def accuracy_unknown(case: Case) -> list[Finding]:
     """What would settle an uncertain verdict."""
     if case.quality.accuracy_mm is not None:

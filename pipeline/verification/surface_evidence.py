@@ -34,13 +34,14 @@ class SurfaceEvidence:
     scan; 0 counts beyond the inlier distance; detail_mm : RMS over patches of the mean signed distance,
     without what is of low order; scan_patch : the largest patch of the scan off the design, in the design's
     frame, + outside; design_patch : the largest patch of the design that the scan should show and does
-    not; each None where there is none
+    not; each None where there is none; thickness_mm : RMS distance of the scan from its own best plane
     """
 
     normal_agreement: float
     detail_mm: float
     scan_patch: Patch | None
     design_patch: Patch | None
+    thickness_mm: float
 
 
 def assess_surfaces(
@@ -87,7 +88,15 @@ def assess_surfaces(
         design_patch=_unseen_patch(
             placed, normal_sign, working_design, design, visible_mm, inlier_mm, limit_area_mm2
         ),
+        thickness_mm=_thickness_mm(fit.moved, weights),
     )
+
+
+def _thickness_mm(points: FloatArray, weights: FloatArray) -> float:
+    """RMS distance of points (n, 3) from their best plane."""
+    centred = points - np.average(points, axis=0, weights=weights)
+    covariance = np.einsum("n,ni,nj->ij", weights, centred, centred)
+    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance)[0])))
 
 
 def _off_patch(

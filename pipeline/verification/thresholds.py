@@ -25,6 +25,8 @@ class VerdictThresholds:
     ok_same_part, ok_pose : probabilities from which on a pose is `ok`; below, it is `uncertain`. Chosen by
     hand on the halves that a fit had not seen: no other part reached 0.8 there
     other_part : probability of the same part below which the scan is of another. Chosen by hand on the same
+    flat_noises, flat_share : of the scan's noise and of the diagonal; RMS thickness up to which a scan is
+    flat. Chosen by hand
     max_accuracy_share : of the diagonal; a scanner of a larger stated accuracy shows too little for `ok`
     """
 
@@ -37,6 +39,8 @@ class VerdictThresholds:
     ok_pose: float = 0.9
     other_part: float = 0.25
     max_accuracy_share: float = 0.02
+    flat_noises: float = 3.0
+    flat_share: float = 0.002
 
 
 @dataclass(frozen=True, slots=True)

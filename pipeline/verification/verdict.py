@@ -29,7 +29,8 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
     by `mirror_gain`;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
-    below `ok_same_part` or `ok_pose`, a residual above its limit, or a place where the shapes differ;
+    below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, or a flat
+    scan;
     ok : none of these.
 
     confidence : the product of `same_part` and `pose`; 0 without a pose.
@@ -39,7 +40,11 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     other_part = [] if too_little else findings.other_part(case, part)
     mirrored = findings.mirrored(case, settings)
     pose_probability = pose(case, count_ties=not case.registration.observability.unconstrained)
-    uncertain = [*findings.high_residual(case), *findings.differences(case)]
+    uncertain = [
+        *findings.high_residual(case),
+        *findings.differences(case),
+        *findings.flat_scan(case),
+    ]
     is_sure = part >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose
     accuracy_mm = case.quality.accuracy_mm or 0.0
     is_sure = is_sure and accuracy_mm <= VERDICT.max_accuracy_share * case.diagonal_mm
