@@ -17,10 +17,10 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.timing import silent
 from pipeline.stages.strays import only_piece, piece_candidates, without_off_design
 
-#: Of the scan within the inlier distance: with more, no piece of any size is off the design. Chosen by hand.
+#: Share of the scan within the inlier distance from which on no piece is looked for that lies off the design.
+#: Chosen by hand.
 WHOLE_FITNESS = 0.999
-#: A scan of which less lies on the design is searched piece by piece too. Chosen by hand: other parts have up
-#: to 0.75.
+#: A scan of which less lies on the design is searched piece by piece too. Chosen by hand.
 POOR_FITNESS = 0.8
 
 

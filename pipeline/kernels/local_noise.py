@@ -12,7 +12,7 @@ from pipeline.kernels.nearest import k_nearest
 
 #: Neighbours of a point that a quadric is fitted to, one number for each scale. Chosen by hand.
 NEIGHBOURS = (16, 32, 64)
-#: Points at which quadrics are fitted; more change the estimate by less than 3 %. Chosen by hand.
+#: Points at which quadrics are fitted, at most. Chosen by hand.
 SAMPLES = 400
 #: Distance of two points of opposite normals, over twice the radius of the largest patch. Chosen by hand:
 #: enough to leave out the other side of a wall, little beside the scatter of the normals of a noisy scan.

@@ -13,7 +13,7 @@ from pipeline.kernels.rows import group_rows
 #: Points of a cloud hang together when their cells, so many times the median spacing wide, touch. Chosen by
 #: hand: a scanner leaves gaps of two or three spacings; a table lies further below a part.
 CELL_SPACINGS = 4.0
-#: Points whose nearest neighbour gives the spacing of a cloud; more change the median by less than 3 %.
+#: About so many points, at least, whose nearest neighbours give the spacing of a cloud. Chosen by hand.
 SPACING_SAMPLES = 2000
 #: Largest distance of the centres of two touching cells, in cells: their corners meet (derived, rounded up).
 TOUCHING_CELLS = 1.75

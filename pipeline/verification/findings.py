@@ -85,22 +85,27 @@ def flat_scan(case: Case) -> list[Finding]:
     return [Finding(code="flat_scan", detail=detail, value=thickness_mm)]
 
 
-def accuracy_unknown(case: Case) -> list[Finding]:
-    """What would settle an uncertain verdict."""
-    if case.quality.accuracy_mm is not None:
-        share = case.quality.accuracy_mm / case.diagonal_mm
-        if share <= VERDICT.max_accuracy_share:
-            return []
+def what_would_settle(case: Case) -> list[Finding]:
+    """What would settle a verdict that is uncertain for want of evidence."""
+    if case.quality.accuracy_mm is None:
+        detail = (
+            "state the accuracy of the scanner (options.scan_accuracy_mm), or scan the part from more sides: "
+            "either may settle whether the scan is of this part"
+        )
+        return [Finding(code="accuracy_unknown", detail=detail, value=None)]
+    share = case.quality.accuracy_mm / case.diagonal_mm
+    if share > VERDICT.max_accuracy_share:
         detail = (
             f"the stated accuracy of the scanner is {share:.1%} of the size of the design; a scanner with "
             f"less than {VERDICT.max_accuracy_share:.0%} is needed to vouch for the pose"
         )
         return [Finding(code="accuracy_too_coarse", detail=detail, value=share)]
+    coverage = case.registration.design_coverage
     detail = (
-        "state the accuracy of the scanner (options.scan_accuracy_mm), or scan the part from more sides: "
-        "either may settle whether the scan is of this part"
+        f"the scan shows {coverage:.0%} of the design, which is not enough to vouch for the pose: scan the "
+        "part from another side"
     )
-    return [Finding(code="accuracy_unknown", detail=detail, value=None)]
+    return [Finding(code="scan_more", detail=detail, value=coverage)]
 
 
 def not_calibrated(case: Case) -> list[Finding]:

@@ -14,7 +14,7 @@ from pipeline.search.schedule import REGISTRATION
 from pipeline.search.types import MIRROR
 from pipeline.verification.equivalent_poses import register_from
 
-#: Samples of the design whose principal axes are taken; more turn them by less than a degree.
+#: Samples of the design whose principal axes are taken. Chosen by hand.
 AXES_SAMPLES = 5_000
 
 

@@ -65,8 +65,8 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     if has_pose:
         reasons += [*uncertain, *findings.loose_fit(case, settings)]
     reasons += findings.mirror_fits_better(case, status)
-    if status == "uncertain":
-        reasons += findings.accuracy_unknown(case)
+    if status == "uncertain" and (not is_sure or findings.high_residual(case)):
+        reasons += findings.what_would_settle(case)
     reasons += [
         *findings.unconstrained_motions(case),
         *findings.alternatives(case),

@@ -126,6 +126,18 @@ def test_a_residual_above_its_limit_is_uncertain_not_refused(case: Case) -> None
     assert {"high_residual", "accuracy_unknown"} <= codes(verdict)
 
 
+def test_an_uncertain_verdict_says_what_would_settle_it(case: Case) -> None:
+    weak = with_surfaces(with_alternative(case, None, residual_share=0.9), normal_agreement=0.6)
+    weak = with_surfaces(weak, detail_mm=0.003 * case.diagonal_mm)
+    for accuracy_mm, code in (
+        (None, "accuracy_unknown"),
+        (0.001 * case.diagonal_mm, "scan_more"),
+        (0.03 * case.diagonal_mm, "accuracy_too_coarse"),
+    ):
+        verdict = judge(replace(weak, quality=replace(weak.quality, accuracy_mm=accuracy_mm)), LIMITS)
+        assert verdict.status == "uncertain" and code in codes(verdict)
+
+
 def test_evidence_of_another_part_is_no_match(case: Case) -> None:
     other = with_surfaces(
         with_alternative(case, 1.02, residual_share=1.4),
@@ -142,6 +154,7 @@ def test_a_local_difference_is_not_silently_ok(case: Case) -> None:
     patch = Patch(np.zeros(3), 20.0, -1.0, -1.5)
     missing = judge(replace(case, surfaces=replace(case.surfaces, scan_patch=patch)), LIMITS)
     assert missing.status == "uncertain" and "missing_material" in codes(missing)
+    assert "accuracy_unknown" not in codes(missing)  # it would settle nothing
     burr = replace(patch, mean=1.0, peak=1.5)
     extra = judge(replace(case, surfaces=replace(case.surfaces, scan_patch=burr)), LIMITS)
     assert extra.status == "uncertain" and "local_difference" in codes(extra)

@@ -17,7 +17,7 @@ LOCAL_MIRROR_SHARE = 0.1
 BORDERLINE_FACTOR = 1.5
 
 #: Findings, one of which has to come with `ok` on a part with a visible local change.
-FINDINGS = frozenset({"missing_material", "extra_material", "local_deviation"})
+FINDINGS = frozenset({"missing_material", "local_difference"})
 HEDGED = frozenset({"uncertain", "ambiguous", "under_constrained"})
 
 
