@@ -66,7 +66,8 @@ class Surface:
         return unit
 
     @cached_property
-    def _edges(self) -> topology.Edges:
+    def edges(self) -> topology.Edges:
+        """The edges of the mesh."""
         return topology.edges(self.mesh.faces)
 
     @cached_property
@@ -111,13 +112,13 @@ class Surface:
 
     def on_open_border(self, closest: Closest) -> BoolArray:
         """(k,) whether the closest point lies on an open border (an edge with one triangle)."""
-        border_edge = self._edges.count == 1
+        border_edge = self.edges.count == 1
         border_vertex = np.zeros(len(self.mesh.vertices), dtype=np.bool_)
-        border_vertex[self._edges.ends[border_edge].ravel()] = True
+        border_vertex[self.edges.ends[border_edge].ravel()] = True
         zero = closest.weights == 0
         at_vertex = zero.sum(axis=1) == 2
         corner = self.mesh.faces[closest.face, closest.weights.argmax(axis=1)]
-        opposite = self._edges.of_face[closest.face, zero.argmax(axis=1)]
+        opposite = self.edges.of_face[closest.face, zero.argmax(axis=1)]
         at_edge = zero.sum(axis=1) == 1
         on_border: BoolArray = (at_vertex & border_vertex[corner]) | (at_edge & border_edge[opposite])
         return on_border
@@ -128,13 +129,13 @@ class Surface:
         zero = closest.weights == 0
         at_edge = np.flatnonzero(zero.sum(axis=1) == 1)
         if at_edge.size:
-            queried = self._edges.of_face[closest.face[at_edge], zero[at_edge].argmax(axis=1)]
+            queried = self.edges.of_face[closest.face[at_edge], zero[at_edge].argmax(axis=1)]
             edges, of_query = np.unique(queried, return_inverse=True)
-            number = np.full(len(self._edges.ends), -1)
+            number = np.full(len(self.edges.ends), -1)
             number[edges] = np.arange(len(edges))
-            face, corner = np.nonzero(number[self._edges.of_face] >= 0)
+            face, corner = np.nonzero(number[self.edges.of_face] >= 0)
             of_edge = np.zeros((len(edges), 3))
-            np.add.at(of_edge, number[self._edges.of_face[face, corner]], self._face_normals[face])
+            np.add.at(of_edge, number[self.edges.of_face[face, corner]], self._face_normals[face])
             normal[at_edge] = of_edge[of_query]
         at_vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         if at_vertex.size:

@@ -13,7 +13,7 @@ from pipeline.kernels import topology
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """centre_mm : (3,) the vertex of the largest absolute value, in the frame of the mesh; area_mm2 : of the
+    """centre_mm : (3,) the place of the largest absolute value, in the frame of the mesh; area_mm2 : of the
     patch; mean : area-weighted mean value; peak : the value at the centre
     """
 
@@ -23,11 +23,13 @@ class Patch:
     peak: float
 
 
-def neighbour_means(mesh: Mesh, values: FloatArray, weights: FloatArray, rounds: int) -> FloatArray:
-    """(n,) weighted mean of each vertex and its neighbours, `rounds` times. values, weights : (n,); a vertex
-    whose neighbourhood has no weight gets 0
+def neighbour_means(
+    adjacency: csr_matrix, values: FloatArray, weights: FloatArray, rounds: int
+) -> FloatArray:
+    """(n,) weighted mean of each place and its neighbours, `rounds` times. adjacency : (n, n), with itself;
+    values, weights : (n,); a place whose neighbourhood has no weight gets 0
     """
-    spread = _adjacency(mesh)
+    spread = adjacency
     for _ in range(rounds):
         total = spread @ weights
         values = np.divide(spread @ (weights * values), total, out=np.zeros_like(total), where=total > 0)
@@ -36,31 +38,27 @@ def neighbour_means(mesh: Mesh, values: FloatArray, weights: FloatArray, rounds:
 
 
 def largest_patch(
-    mesh: Mesh, values: FloatArray, beyond: BoolArray, areas_mm2: FloatArray | None = None
+    points: FloatArray, adjacency: csr_matrix, areas_mm2: FloatArray, values: FloatArray, beyond: BoolArray
 ) -> Patch | None:
-    """The connected patch of the vertices in `beyond` (n,) with the largest area; None without any.
+    """The connected patch of the places in `beyond` (n,) with the largest area; None without any.
 
-    areas_mm2 : (n,) of each vertex that counts, by default all that belongs to it
+    points : (n, 3) mm; adjacency : (n, n); areas_mm2 : (n,) that count for each place
     """
     if not beyond.any():
         return None
     chosen = np.flatnonzero(beyond)
-    graph = _adjacency(mesh)[chosen][:, chosen]
-    patch = csgraph.connected_components(graph, directed=False)[1]
-    areas = (mesh.vertex_areas_mm2() if areas_mm2 is None else areas_mm2)[chosen]
-    of_patch = np.bincount(patch, weights=areas)
+    patch = csgraph.connected_components(adjacency[chosen][:, chosen], directed=False)[1]
+    of_patch = np.bincount(patch, weights=areas_mm2[chosen])
     members = chosen[patch == int(of_patch.argmax())]
-    area_mm2 = float(of_patch.max())
-    weights = mesh.vertex_areas_mm2()[members]
+    weights = areas_mm2[members]
     peak = members[int(np.abs(values[members]).argmax())]
     mean = float((weights * values[members]).sum() / max(float(weights.sum()), 1e-300))
-    return Patch(mesh.vertices[peak], area_mm2, mean, float(values[peak]))
+    return Patch(points[peak], float(of_patch.max()), mean, float(values[peak]))
 
 
-def border_length_mm(mesh: Mesh) -> float:
+def border_length_mm(vertices: FloatArray, edges: topology.Edges) -> float:
     """Total length of the edges with one triangle."""
-    edges = topology.edges(mesh.faces)
-    ends = mesh.vertices[edges.ends[edges.count == 1]]
+    ends = vertices[edges.ends[edges.count == 1]]
     return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum())
 
 
@@ -80,8 +78,8 @@ def without_low_order(points: FloatArray, values: FloatArray, weights: FloatArra
     return np.asarray(values - np.einsum("ni,i->n", terms, coefficients))
 
 
-def _adjacency(mesh: Mesh) -> csr_matrix:
-    """(n, n) 1 where two vertices share an edge, and on the diagonal."""
+def adjacency_of(mesh: Mesh) -> csr_matrix:
+    """(n, n) 1 where two vertices of a mesh share an edge, and on the diagonal."""
     n = len(mesh.vertices)
     ends = topology.edges(mesh.faces).ends
     rows = np.concatenate([ends[:, 0], ends[:, 1], np.arange(n)])

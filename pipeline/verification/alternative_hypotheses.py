@@ -34,6 +34,7 @@ from pipeline.verification.evidence import (
     surface_values,
 )
 from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorCheck
+from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.surface_evidence import assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, HYPOTHESES, UNIT_FACTORS, VERDICT
@@ -118,17 +119,17 @@ def check_mirror_image(
     rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
     if rms_mm > settings.registration.mirror_gain * of_scan_mm:
         return MirrorCheck(rms_mm, None, None), best.T_design_scan
-    surfaces = assess_surfaces(
-        described.mesh,
-        scan.resampled.working_of_clean,
+    placed = PlacedScan(
         model.mesh,
         fit,
         best.normal_sign,
-        design.surface,
-        design.analysis.resampled.mesh,
-        inlier_mm,
-        quality.accuracy_mm or 0.0,
+        described.mesh,
+        scan.resampled.working_of_clean,
+        registration.scan_surface,
+        is_mirrored=True,
     )
+    working_design, accuracy_mm = design.analysis.resampled.mesh, quality.accuracy_mm or 0.0
+    surfaces = assess_surfaces(placed, design.surface, working_design, inlier_mm, accuracy_mm)
     under = match_landmarks(
         design.described.landmarks,
         described.landmarks,

@@ -18,6 +18,7 @@ from pipeline.search.score_ratio import is_loose, required_ratio, score_ratio
 from pipeline.search.types import Matching
 from pipeline.stages.registration import Registration
 from pipeline.verification.hypothesis_checks import HypothesisChecks
+from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, VERDICT, LogisticModel
@@ -62,12 +63,16 @@ class Case:
         job: JobParameters,
     ) -> "Case":
         registration, scan = registered.registration, registered.scan
-        surfaces = assess_surfaces(
-            scan.resampled.mesh,
-            scan.resampled.working_of_clean,
+        placed = PlacedScan(
             scan.mesh,
             registration.fit,
             registration.best.normal_sign,
+            scan.resampled.mesh,
+            scan.resampled.working_of_clean,
+            registration.scan_surface,
+        )
+        surfaces = assess_surfaces(
+            placed,
             design.surface,
             design.analysis.resampled.mesh,
             registration.inlier_distance_mm,

@@ -97,8 +97,8 @@ class ConfidenceModel:
 class DifferenceLimits:
     """From when on a patch of one surface off the other is a difference of shape.
 
-    smoothing_rounds : of averaging over neighbours on the working mesh before the comparison. Chosen by hand
-    min_spreads : robust standard deviations of the smoothed distances over the whole surface
+    cells_per_patch : cells (`SurfaceCells`) that the least patch holds. Chosen by hand: one cell is noise
+    min_spreads : robust standard deviations of the means over cells, over the whole surface
     min_sigmas : standard deviations of the scanner as stated. The definition of "the scan can show it"
     min_residuals : of the residual of the whole scan, which holds its noise. Chosen by hand
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
@@ -114,12 +114,12 @@ class DifferenceLimits:
     ray_start_share : of the diagonal, by which the rays of that test start off the surface
     """
 
-    smoothing_rounds: int = 1
+    cells_per_patch: float = 4.0
     min_spreads: float = 8.0
     min_sigmas: float = 4.0
     min_residuals: float = 4.0
-    min_size_share: float = 0.006
-    min_area_share: float = 0.0008
+    min_size_share: float = 0.003
+    min_area_share: float = 0.0005
     min_depth_ratio: float = 0.4
     min_seen_past_share: float = 0.002
     samples: int = 20_000

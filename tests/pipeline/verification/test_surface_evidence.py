@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels.surface import Surface
 from pipeline.stages.registration import evaluate_fit
+from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from tests.support import shapes
 from tests.support.scanners.surroundings import joined
@@ -22,7 +23,8 @@ def evidence(scan: Mesh, design: Mesh = BLOB) -> SurfaceEvidence:
     surface = Surface(design)
     fit = evaluate_fit(scan, scan.weights(), surface, np.eye(4), INLIER_MM)
     of_clean = np.arange(len(scan.vertices))
-    return assess_surfaces(scan, of_clean, scan, fit, 1.0, surface, design, INLIER_MM, NOISE_MM)
+    placed = PlacedScan(scan, fit, 1.0, scan, of_clean, Surface(scan))
+    return assess_surfaces(placed, surface, design, INLIER_MM, NOISE_MM)
 
 
 def raised(height_mm: float, direction: FloatArray, width_deg: float = 14.0) -> Mesh:

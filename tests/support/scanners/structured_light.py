@@ -5,7 +5,7 @@ import numpy as np
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import CleanSettings
 from pipeline.kernels import remesh, rigid
-from pipeline.kernels.surface_patches import neighbour_means
+from pipeline.kernels.surface_patches import adjacency_of, neighbour_means
 from pipeline.stages.clean import clean
 from pipeline.stages.resample import working_edge_mm
 from tests.support.scanners.rays import seen_from
@@ -37,7 +37,9 @@ def structured_light(part: Mesh, accuracy_mm: float, rng: np.random.Generator) -
         weight += np.where(sees, cosine, 0.0)
         shift += np.where(sees, cosine, 0.0)[:, None] * (moved - copy.vertices)
     seen = weight > 0
-    noise = neighbour_means(copy, rng.normal(size=len(seen)), np.ones(len(seen)), CORRELATION_ROUNDS)
+    noise = neighbour_means(
+        adjacency_of(copy), rng.normal(size=len(seen)), np.ones(len(seen)), CORRELATION_ROUNDS
+    )
     noise *= NOISE_SHARE * accuracy_mm / float(noise.std())
     vertices = copy.vertices + shift / np.maximum(weight, 1e-9)[:, None] + noise[:, None] * normals
     faces = copy.faces[seen[copy.faces].all(axis=1)]

@@ -1,0 +1,107 @@
+"""What of the design the scan should show, and does not."""
+
+import numpy as np
+
+from pipeline.core.mesh import BoolArray, FloatArray, Mesh
+from pipeline.kernels import sampling, topology
+from pipeline.kernels.nearest import nearest
+from pipeline.kernels.pieces import Pieces
+from pipeline.kernels.surface import Surface
+from pipeline.kernels.surface_patches import Patch, adjacency_of, border_length_mm, largest_patch
+from pipeline.verification.off_patch import off_patch
+from pipeline.verification.placed_scan import ShownSurface
+from pipeline.verification.thresholds import DIFFERENCE
+
+#: A scan with less open border than this many square roots of its area is closed. Chosen by hand.
+CLOSED_BORDER_RATIO = 0.3
+
+
+def missing_patch(
+    scan: ShownSurface,
+    working_design: Mesh,
+    design: Surface,
+    visible_mm: float,
+    inlier_mm: float,
+    min_area_mm2: float,
+) -> Patch | None:
+    """The largest patch of the design that the scan should show and does not, in the design's frame.
+
+    Of a closed scan any patch that lies off it. An open one leaves out what the scanner did not see: there,
+    what the scanner saw past (`_seen_past`); and a whole body, where the scan shows most of the others.
+    Cavities, which no scanner of surfaces sees, do not count.
+    """
+    visible = ~_in_cavity(working_design, design)
+    distance = np.where(visible, scan.closest(working_design.vertices).distance, 0.0)
+    mesh = scan.surface.mesh
+    border_mm = border_length_mm(mesh.vertices, scan.surface.edges)
+    if border_mm <= CLOSED_BORDER_RATIO * float(np.sqrt(mesh.face_areas_mm2().sum())):
+        areas_mm2, ends = working_design.vertex_areas_mm2(), topology.edges(working_design.faces).ends
+        on = (working_design.vertices, ends, areas_mm2, distance)
+        return off_patch(*on, visible_mm, min_area_mm2, inlier_mm)
+    patch = _seen_past(scan, working_design, design, visible_mm)
+    min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
+    if patch is not None and patch.area_mm2 >= min_seen_past_mm2:
+        return patch
+    return _unseen_body(working_design, distance, inlier_mm, min_area_mm2)
+
+
+def _seen_past(scan: ShownSurface, working_design: Mesh, design: Surface, visible_mm: float) -> Patch | None:
+    """The largest patch of the design where the scanner saw a surface behind it, through its material: under
+    a boss that is not there. In a corner that was not scanned there is only air between surface and scan.
+
+    The closest place of the scan lies in the design's material there. Below a surface that is there, and was
+    not scanned, it lies on the design.
+    """
+    samples = sampling.on_surface(design.mesh, DIFFERENCE.samples, 0)
+    closest = scan.closest(samples.points)
+    in_front = np.einsum("kd,kd->k", samples.points - closest.point, closest.normal) > 0
+    chosen = np.flatnonzero(
+        in_front & (closest.distance > visible_mm) & ~scan.surface.on_open_border(closest)
+    )
+    end, within = closest.point[chosen], np.ones(len(chosen), dtype=np.bool_)
+    for point in (end, (samples.points[chosen] + end) / 2):
+        depth_mm = -design.signed_distance(point, design.closest(point))
+        within &= depth_mm > DIFFERENCE.min_depth_ratio * visible_mm
+    chosen = chosen[within]
+    if chosen.size == 0:
+        return None
+    _, vertex = nearest(working_design.vertices, samples.points[chosen])
+    count = np.bincount(vertex, minlength=len(working_design.vertices))
+    summed = np.bincount(vertex, weights=closest.distance[chosen], minlength=len(count))
+    mean_mm = np.divide(summed, count, out=np.zeros(len(count)), where=count > 0)
+    area_of_sample_mm2 = float(design.mesh.face_areas_mm2().sum()) / DIFFERENCE.samples
+    areas_mm2 = area_of_sample_mm2 * count.astype(np.float64)
+    near = adjacency_of(working_design)
+    return largest_patch(working_design.vertices, near, areas_mm2, mean_mm, count > 0)
+
+
+def _unseen_body(mesh: Mesh, distance: FloatArray, inlier_mm: float, min_area_mm2: float) -> Patch | None:
+    """The largest connected piece of the design of which the scan shows nothing."""
+    pieces = Pieces.of(mesh)
+    if pieces.count == 1:
+        return None
+    areas = mesh.vertex_areas_mm2()
+    seen_mm2 = np.bincount(pieces.of_vertex, weights=areas * (distance <= inlier_mm), minlength=pieces.count)
+    for piece in np.argsort(-pieces.weight, kind="stable"):
+        rest_mm2 = float(pieces.weight.sum() - pieces.weight[piece])
+        rest_seen = float(seen_mm2.sum() - seen_mm2[piece]) / max(rest_mm2, 1e-300)
+        unseen = seen_mm2[piece] <= DIFFERENCE.max_unseen_share * pieces.weight[piece]
+        if pieces.weight[piece] < min_area_mm2 or not unseen or rest_seen < DIFFERENCE.min_rest_seen:
+            continue
+        members = np.flatnonzero(pieces.of_vertex == piece)
+        farthest = members[int(distance[members].argmax())]
+        mean = float(np.average(distance[members], weights=np.maximum(areas[members], 1e-300)))
+        return Patch(mesh.vertices[farthest], float(pieces.weight[piece]), mean, float(distance[farthest]))
+    return None
+
+
+def _in_cavity(mesh: Mesh, design: Surface) -> BoolArray:
+    """(n,) the vertices of pieces whose surface the design itself covers nearly everywhere."""
+    pieces = Pieces.of(mesh)
+    if pieces.count == 1:
+        return np.zeros(len(mesh.vertices), dtype=np.bool_)
+    normals = mesh.vertex_normals()
+    starts = mesh.vertices + DIFFERENCE.ray_start_share * design.mesh.diagonal_mm * normals
+    covered = design.intersects_rays(starts, normals)
+    share = np.bincount(pieces.of_vertex, weights=covered) / np.bincount(pieces.of_vertex)
+    return np.asarray((share > DIFFERENCE.hidden_share)[pieces.of_vertex])
