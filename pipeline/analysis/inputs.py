@@ -53,7 +53,7 @@ class InputMesh:
 
     def warnings(self) -> list[Note]:
         """What cleaning changed that a person should look at."""
-        notes, report = [], self.cleaned.report
+        notes, report = list(self.loaded.notes), self.cleaned.report
         dropped = int(report.get("non_manifold_faces", 0))
         if dropped:
             detail = (

@@ -1,7 +1,7 @@
 """Detects the format of a mesh file from its first bytes and its size, without parsing it.
 
 The API calls this for an upload, so an empty, truncated or unsupported file is rejected at once. The parsers
-(`stages/load.py`) run only in the child process.
+(`stages/load/`) run only in the child process.
 """
 
 import re

@@ -213,7 +213,7 @@ def _pool(processes: int) -> ProcessPoolExecutor:
 
 def wanted(options: argparse.Namespace, console: Console) -> list[tuple[Spec, tuple[str, ...]]]:
     """The cases asked for, each with the tools it has to run."""
-    specs = gauntlet_specs.specs(options.seeds)
+    specs = gauntlet_specs.specs(options.seeds, options.first_seed)
     if options.groups:
         asked = set(re.split(r",(?! )", options.groups))  # names of groups hold ", "
         unknown = asked - {spec.group for spec in specs}
@@ -241,6 +241,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, default=1, help="cases of each kind")
+    parser.add_argument("--first-seed", type=int, default=0, help="seed of the first of them")
     parser.add_argument("--peers", action="store_true", help="run the others too")
     parser.add_argument("--groups", help="only these, with commas and no spaces between")
     parser.add_argument("--limit", type=int, help="only so many cases, from the first")

@@ -149,9 +149,9 @@ class Spec:
         return f"{words}, {self.condition}, seed {self.seed}"
 
 
-def specs(seeds: int) -> list[Spec]:
+def specs(seeds: int, first: int = 0) -> list[Spec]:
     """All cases, seed by seed; those on files only where `CUSP_DATA` is."""
-    found = [spec for seed in range(seeds) for spec in of_seed(seed)]
+    found = [spec for seed in range(first, first + seeds) for spec in of_seed(seed)]
     if data_folder() is not None:
         return found
     return [

@@ -1,0 +1,109 @@
+"""Reads a mesh file: its format, its bodies in millimetres, and checks of what every format can get wrong.
+Errors name the file and the remedy.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.errors import (
+    CoordinateOutOfRange,
+    MeshTooLarge,
+    NoSurface,
+    PipelineError,
+    UnreadableFile,
+)
+from pipeline.core.formats import HEAD_BYTES, Format, detect_format
+from pipeline.core.mesh import Mesh
+from pipeline.core.mesh_file import MeshFile
+from pipeline.core.results import Note
+from pipeline.core.settings import LoadSettings
+from pipeline.stages.load.contents import Reader, joined
+from pipeline.stages.load.gltf import read_glb
+from pipeline.stages.load.obj import read_obj
+from pipeline.stages.load.off import read_off
+from pipeline.stages.load.ply import read_ply
+from pipeline.stages.load.point_text import read_point_text
+from pipeline.stages.load.stl import read_stl
+from pipeline.stages.load.three_mf import read_three_mf
+from pipeline.stages.load.units import unit_of
+
+READERS: dict[Format, Reader] = {
+    Format.STL: read_stl,
+    Format.PLY: read_ply,
+    Format.OBJ: read_obj,
+    Format.OFF: read_off,
+    Format.THREE_MF: read_three_mf,
+    Format.GLB: read_glb,
+    Format.XYZ: read_point_text,
+}
+#: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
+#: and Poisson reconstruction. Derived.
+MAX_COORDINATE_MM = 1e8
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
+    bytes; notes : what of the file is not used
+    """
+
+    mesh: Mesh
+    format: Format
+    unit: str
+    mm_per_unit: float
+    sha256: str
+    notes: tuple[Note, ...] = ()
+
+
+def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
+    """Read `source`; errors call it `name` (design, scan, mesh).
+
+    Raises
+    ------
+    EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange,
+    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown
+    """
+    data = _read(source.path, name)
+    kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
+    try:
+        contents = READERS[kind](data, settings)
+        vertices, faces = joined(contents)
+        if len(vertices) == 0:
+            raise UnreadableFile(f"the {kind} has no triangles and no points")
+        if len(faces) > settings.max_faces or len(vertices) > settings.max_points:
+            raise MeshTooLarge(
+                f"{len(faces)} triangles and {len(vertices)} vertices; the limits are "
+                f"{settings.max_faces} and {settings.max_points}"
+            )
+        unit, mm_per_unit = unit_of(source.unit, contents.unit)
+        mesh = Mesh(vertices * mm_per_unit, faces.astype(np.int32))
+        _check_coordinates(mesh)
+    except PipelineError as error:
+        raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
+    if mesh.is_cloud and needs_surface:
+        raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
+    return Loaded(mesh, kind, unit, mm_per_unit, hashlib.sha256(data).hexdigest(), contents.notes)
+
+
+def _check_coordinates(mesh: Mesh) -> None:
+    """Raise CoordinateOutOfRange for a vertex beyond `MAX_COORDINATE_MM`: such a number is damaged."""
+    far = np.flatnonzero(np.abs(mesh.vertices).max(axis=1, initial=0.0) > MAX_COORDINATE_MM)
+    if far.size:
+        place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])
+        raise CoordinateOutOfRange(
+            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm "
+            "from the origin, the first "
+            f"at ({place}) mm"
+        )
+
+
+def _read(path: Path, name: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableFile(
+            f"{path.name} cannot be read ({error.strerror})", mesh=name, remedy="check the path"
+        ) from error
