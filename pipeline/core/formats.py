@@ -26,12 +26,45 @@ class Format(StrEnum):
 
 STL_HEADER_BYTES = 84
 STL_FACE_BYTES = 50
+#: Triangles in the header of a writer that did not know their number and could not go back.
+STL_UNKNOWN_COUNT = 0xFFFFFFFF
 # These expressions read untrusted input, and `re` holds the GIL. Each text can match in one way only, so a
 # hostile text takes time in proportion to its length. (`\d+\.?\d*` would split a run of digits in as many
 # ways as it is long.)
 _NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)(?:inity)?"
-_XYZ_LINE = re.compile(rb"^\s*(?:" + _NUMBER + rb")(?:[\s,;]+(?:" + _NUMBER + rb")){2,}\s*$", re.IGNORECASE)
+_WORD_OF_ROW = re.compile(_NUMBER.replace(rb"[eE]", rb"[eEdD]"), re.IGNORECASE)
+#: Words of a heading for each axis of a point text: x, x[mm], X-coordinate, Points:0, Easting.
+_AXES = tuple(
+    re.compile(pattern, re.IGNORECASE)
+    for pattern in (
+        rb"(?<![a-z])x(?![a-z])|x-?(?:coord|pos|koord|wert)|(?:coord|pos|point)x|points?[:_]0|\beast|rechtswert",
+        rb"(?<![a-z])y(?![a-z])|y-?(?:coord|pos|koord|wert)|(?:coord|pos|point)y|points?[:_]1|\bnorth|hochwert",
+        rb"(?<![a-z])z(?![a-z])|z-?(?:coord|pos|koord|wert)|(?:coord|pos|point)z|points?[:_]2|\bheight|\belev"
+        rb"|\balt(?:itude)?\b|\bh(?:\xc3\xb6|\xf6|oe)he\b|\bup\b",
+    )
+)
+#: The minus sign of typography, in UTF-8.
+MINUS = b"\xe2\x88\x92"
+_WORD_ENDS = bytes.maketrans(b",;|\"'", b"     ")
+_COMMENTS = (b"#", b"//", b"%", b"!")
+_POINT_SUFFIXES = (".xyz", ".asc", ".pts", ".ptx", ".txt", ".csv")
+#: Lines before the first point in which `detect_format` looks for a heading.
+_HEAD_LINES = 200
 _OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S", re.MULTILINE)
+#: A key that glTF as JSON has at its top.
+_GLTF_KEY = re.compile(rb'"(?:asset|accessors|bufferViews|buffers|meshes|nodes|scenes?)"\s*:')
+
+
+def as_utf8(data: bytes) -> bytes:
+    """Text with a byte order mark, of UTF-8 or UTF-16, as UTF-8 without one; other data unchanged.
+
+    PowerShell redirects output to files as UTF-16. Characters that are cut or invalid become U+FFFD.
+    """
+    if data.startswith(b"\xef\xbb\xbf"):
+        return data[3:]
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace").encode("utf-8", errors="replace")
+    return data
 
 
 def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str | None = None) -> Format:
@@ -45,31 +78,82 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
     """
     if size == 0:
         raise EmptyFile("the file is empty", mesh=mesh)
-    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = as_utf8(head).lstrip()
     suffix = PurePath(filename).suffix.lower() if filename else ""
     if text.startswith((b"ply\n", b"ply\r")):
         return Format.PLY
-    if head.startswith(b"glTF"):
+    if head.startswith(b"glTF") or (text.startswith(b"{") and _GLTF_KEY.search(text)):
         return Format.GLB
     if head.startswith(b"PK\x03\x04"):
         return Format.THREE_MF
-    if re.match(rb"(?:ST)?C?N?4?n?OFF\b", text):
+    if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):
         return Format.OFF
-    if text[:5].lower() == b"solid" and (b"facet" in text.lower() or b"endsolid" in text.lower()):
+    if _is_text_stl(text, suffix):
         return Format.STL
     if _is_binary_stl(head, size, suffix, mesh):
         return Format.STL
-    if b"\0" not in head:
+    if b"\0" not in text:
         if _OBJ_LINE.search(text):
             return Format.OBJ
-        lines = [
-            line for line in text.splitlines() if line.strip() and not line.lstrip().startswith((b"#", b"//"))
-        ]
-        whole = lines if size <= len(head) else lines[:-1]  # the last line of a partial head may be cut
-        if whole and (_XYZ_LINE.match(whole[0]) or len(whole) > 1) and all(map(_XYZ_LINE.match, whole[1:])):
-            return Format.XYZ  # the first line may be a header
+        if _is_point_text(text, suffix, whole=size <= len(head)):
+            return Format.XYZ
     extension = f" (file name extension {suffix!r})" if suffix else ""
     raise UnknownFormat(f"the content is not in a supported mesh format{extension}", mesh=mesh)
+
+
+def _is_text_stl(text: bytes, suffix: str) -> bool:
+    """An ASCII STL starts with `solid`, or with a facet where `solid` was cut off."""
+    lower = text.lower()
+    if lower.startswith(b"solid"):
+        cut_name = suffix == ".stl" and b"\0" not in text and not re.search(rb"[\r\n]", text)
+        return b"facet" in lower or b"endsolid" in lower or cut_name
+    return re.match(rb"facet\s+normal\s", lower) is not None
+
+
+def numbers_in(line: bytes) -> tuple[int, int]:
+    """How many numbers a line has, and how many words; a decimal comma separates words here."""
+    words = line.replace(MINUS, b"-").translate(_WORD_ENDS).split()
+    return sum(_WORD_OF_ROW.fullmatch(word) is not None for word in words), len(words)
+
+
+def is_number_row(line: bytes) -> bool:
+    """Whether a line has numbers only, with any delimiters; a comment may follow."""
+    numbers, words = numbers_in(re.split(rb"\s(?:#|//)", line, maxsplit=1)[0])
+    return numbers == words > 0
+
+
+def names_axes(line: bytes) -> bool:
+    """Whether a line, also a comment, has the names of x, y and z, as the heading of a point text does.
+
+    `FIELDS x y z` is of a PCD, which has another structure.
+    """
+    return all(axis.search(line) for axis in _AXES) and not re.match(rb"#?\s*FIELDS\s", line)
+
+
+def _is_point_text(text: bytes, suffix: str, *, whole: bool) -> bool:
+    """Points, one a line: rows of numbers, after one line of any text; or any rows after a heading that names
+    x, y and z. A line with one whole number counts the rows (.pts, .ptx).
+    """
+    lines = [line.strip() for line in re.split(rb"[\r\n]+", text)]
+    if not whole:
+        lines = lines[:-1]  # the last line of a partial head may be cut
+    rows = [line for line in lines if line and not line.startswith(_COMMENTS)]
+    if not rows:
+        return not whole and len(lines) > 0 and suffix in _POINT_SUFFIXES
+    head = next((at for at, line in enumerate(rows[:_HEAD_LINES]) if is_number_row(line)), len(rows))
+    headings = [at for at, line in enumerate(rows[: min(head, _HEAD_LINES)]) if names_axes(line)]
+    commented = any(line.startswith(_COMMENTS) and names_axes(line) for line in lines[:_HEAD_LINES])
+    if headings or commented:
+        first = headings[-1] + 1 if headings else 0
+        if any(numbers_in(line)[0] >= 3 for line in rows[first:]):
+            return True
+    if head > 1:
+        return False
+    points = [is_number_row(line) and numbers_in(line)[0] >= 3 for line in rows[head:]]
+    if suffix in _POINT_SUFFIXES and 2 * sum(points) >= len(points) > 0:
+        return True  # the reader says which line is wrong
+    counts = [line.isdigit() for line in rows[head:]]
+    return any(points) and all(point or count for point, count in zip(points, counts, strict=True))
 
 
 def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> bool:
@@ -83,6 +167,8 @@ def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> boo
     announced = int.from_bytes(head[80:84], "little")
     if size == STL_HEADER_BYTES + STL_FACE_BYTES * announced:
         return True
+    if announced == STL_UNKNOWN_COUNT and size > STL_HEADER_BYTES:
+        announced = 0  # written to a stream: the size says how many; the reader checks it
     if suffix != ".stl" or _looks_like_text(head):
         return False
     if size < STL_HEADER_BYTES + STL_FACE_BYTES * announced:

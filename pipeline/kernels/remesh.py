@@ -37,6 +37,9 @@ TAUBIN_SHRINK, TAUBIN_INFLATE = 0.5, -0.53
 #: mesh as a multiple of the roughness. Noise makes angles between neighbours of about so many times it, and
 #: each crease that is kept is a place with edges shorter than asked for. Chosen by hand, not fitted.
 CREASE_DEG, MAX_CREASE_DEG, CREASE_PER_ROUGHNESS = 30, 60, 4
+#: Distance from the origin over the extent, from which on a mesh is centred first. Chosen by hand: far parts
+#: only, so that rounding changes nothing of the others.
+FAR_EXTENTS = 10.0
 #: Dihedral angle above which there is no crease (derived).
 NO_CREASE_DEG = 180
 
@@ -78,14 +81,15 @@ def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_deg: float 
     """
     if crease_deg is None:
         crease_deg = float(np.clip(CREASE_PER_ROUGHNESS * roughness_deg(mesh), CREASE_DEG, MAX_CREASE_DEG))
-    meshes = _meshset(mesh)
+    centre_mm = _centre_mm(mesh)
+    meshes = _meshset(mesh, centre_mm)
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=iterations,
         targetlen=pymeshlab.PureValue(edge_mm),
         featuredeg=crease_deg,
         checksurfdist=False,
     )
-    return _current(meshes)
+    return _current(meshes, centre_mm)
 
 
 def denoised(mesh: Mesh) -> Mesh:
@@ -95,12 +99,13 @@ def denoised(mesh: Mesh) -> Mesh:
     edges far shorter than asked for. Smoothing by Taubin's filter, which keeps the volume and all that is
     much larger than a triangle.
     """
+    centre_mm = _centre_mm(mesh)
     for _ in range(SMOOTHING_ROUNDS):
-        meshes = _meshset(mesh)
+        meshes = _meshset(mesh, centre_mm)
         meshes.apply_coord_taubin_smoothing(
             lambda_=TAUBIN_SHRINK, mu=TAUBIN_INFLATE, stepsmoothnum=SMOOTHING_STEPS
         )
-        mesh = _current(meshes)
+        mesh = _current(meshes, centre_mm)
         if roughness_deg(mesh) <= ROUGH_DEG:
             break
     return mesh
@@ -165,27 +170,41 @@ def roughness_deg(mesh: Mesh) -> float:
 
 
 def _simplified(mesh: Mesh, n_faces: int, aggressiveness: int) -> Mesh:
+    centre_mm = _centre_mm(mesh)
     vertices, faces = fast_simplification.simplify(
-        np.array(mesh.vertices), np.array(mesh.faces), target_count=n_faces, agg=aggressiveness
+        mesh.vertices - centre_mm, np.array(mesh.faces), target_count=n_faces, agg=aggressiveness
     )
-    return Mesh(vertices, faces)
+    return Mesh(vertices + centre_mm, faces)
 
 
-def _meshset(mesh: Mesh, scalar: FloatArray | None = None) -> pymeshlab.MeshSet:
+def _centre_mm(mesh: Mesh) -> FloatArray:
+    """(3,) what to subtract before the libraries see a mesh far from the origin, whose coordinates they round
+    or square: the middle of its box; 0 for a mesh near the origin.
+    """
+    if len(mesh.vertices) == 0:
+        return np.zeros(3)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    middle = (low + high) / 2
+    return middle if np.abs(middle).max() > FAR_EXTENTS * (high - low).max() else np.zeros(3)
+
+
+def _meshset(mesh: Mesh, centre_mm: FloatArray, scalar: FloatArray | None = None) -> pymeshlab.MeshSet:
     meshes = pymeshlab.MeshSet(verbose=False)
     extra = {} if scalar is None else {"v_scalar_array": scalar}
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces, **extra))
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices - centre_mm, mesh.faces, **extra))
     return meshes
 
 
-def _current(meshes: pymeshlab.MeshSet) -> Mesh:
+def _current(meshes: pymeshlab.MeshSet, centre_mm: FloatArray) -> Mesh:
     current = meshes.current_mesh()
-    return Mesh(np.array(current.vertex_matrix()), np.array(current.face_matrix(), dtype=np.int32))
+    return Mesh(
+        np.array(current.vertex_matrix()) + centre_mm, np.array(current.face_matrix(), dtype=np.int32)
+    )
 
 
 def _tracked(mesh: Mesh, name: str, **arguments: str) -> tuple[IntArray, IndexArray]:
     """Apply a filter that only removes or flips faces; the vertex scalar carries the original index."""
-    meshes = _meshset(mesh, np.arange(len(mesh.vertices), dtype=np.float64))
+    meshes = _meshset(mesh, _centre_mm(mesh), np.arange(len(mesh.vertices), dtype=np.float64))
     getattr(meshes, name)(**arguments)
     current = meshes.current_mesh()
     return (

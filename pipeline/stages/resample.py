@@ -169,7 +169,10 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
     ------
     ResampleFailed
     """
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points))).voxel_down_sample(
+    middle = (
+        points.min(axis=0) + points.max(axis=0)
+    ) / 2  # Qhull and Poisson round what is far from the origin
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points - middle)).voxel_down_sample(
         edge_mm / 2
     )
     spacing = float(np.median(np.asarray(cloud.compute_nearest_neighbor_distance())))
@@ -182,7 +185,8 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
     mesh = Mesh(mesh.vertices, mesh.faces[_near(mesh, np.asarray(cloud.points), TRIM_SPACINGS * spacing)])
     if len(mesh.faces) == 0:
         raise ResampleFailed("no surface could be reconstructed from the points", mesh=name)
-    return clean(mesh, name, CleanSettings(min_component_share=MIN_POISSON_COMPONENT_SHARE)).mesh
+    cleaned = clean(mesh, name, CleanSettings(min_component_share=MIN_POISSON_COMPONENT_SHARE)).mesh
+    return Mesh(cleaned.vertices + middle, cleaned.faces)
 
 
 def _near(mesh: Mesh, points: FloatArray, radius_mm: float) -> BoolArray:

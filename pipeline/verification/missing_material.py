@@ -37,6 +37,8 @@ def missing_patch(
     if border_mm <= CLOSED_BORDER_RATIO * float(np.sqrt(mesh.face_areas_mm2().sum())):
         areas_mm2, ends = working_design.vertex_areas_mm2(), topology.edges(working_design.faces).ends
         on = (working_design.vertices, ends, areas_mm2, distance)
+        # the chords of a coarse scan lie off a curved design
+        visible_mm = max(visible_mm, DIFFERENCE.min_closed_share * design.mesh.diagonal_mm)
         return off_patch(*on, visible_mm, min_area_mm2, inlier_mm)
     patch = _seen_past(scan, working_design, design, visible_mm)
     min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
