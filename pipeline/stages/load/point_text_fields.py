@@ -148,9 +148,9 @@ def split_fields(raw: Bytes, ends_of_rows: IndexArray, shape: Shape) -> tuple[In
     if (counts != per_row).any():
         row = int((counts != per_row).argmax())
         raise _other_number(row, int(counts[row]) + 1 - shape.trailing, shape)
-    at = at.reshape(n, per_row)
+    by_row = at.reshape(n, per_row)
     starts_of_rows = np.concatenate([[0], ends_of_rows[:-1] + 1])
-    begins = np.concatenate([starts_of_rows[:, None], at + 1], axis=1)
+    begins = np.concatenate([starts_of_rows[:, None], by_row + 1], axis=1)
     ends = np.concatenate([at, ends_of_rows[:, None]], axis=1)
     if shape.trailing and (begins[:, -1] != ends[:, -1]).any():
         for row in np.flatnonzero(begins[:, -1] != ends[:, -1]).tolist():
@@ -187,4 +187,4 @@ def _other_number(row: int, n_columns: int, shape: Shape) -> BadRow:
 
 def _is_space(raw: Bytes) -> BoolArray:
     """Blank, tab and line end; also control characters, which are in no number and are refused there."""
-    return (raw <= ord(" ")) & (raw != QUOTED_COMMA[0])
+    return np.asarray((raw <= ord(" ")) & (raw != QUOTED_COMMA[0]), dtype=np.bool_)

@@ -133,7 +133,7 @@ def _columns(
     """Columns of x, y and z without a heading."""
     whole = ~evidence.marked
     n = shape.n_columns
-    unsigned = (~np.signbit(values)).all(axis=0)
+    unsigned = np.asarray((~np.signbit(values)).all(axis=0), dtype=np.bool_)
     if shape.delimiter == "," and n > 3 and whole.all() and unsigned[1:].any():
         words = [word.decode("ascii", "replace") for word in sample[0].split(b",")[:6]]
         pairs = list(zip(words[0::2], words[1::2], strict=False))

@@ -136,7 +136,7 @@ def _points(rows: Rows, at: int, end: int, row: int) -> FloatArray:
 
 def _lines(text: bytes, at: int, n: int) -> tuple[list[bytes], int]:
     """Up to n lines from `at`, and where the next starts."""
-    lines = []
+    lines: list[bytes] = []
     while at < len(text) and len(lines) < n:
         end = text.index(b"\n", at)
         lines.append(text[at:end])
