@@ -16,7 +16,7 @@ MAX_README_LINES = 150
 MAX_LINE = 110
 EXPECTED = {
     "quickstart", "http-api", "results-and-verdicts", "settings", "cli", "python", "webhooks", "deployment",
-    "operations", "security", "method", "benchmarks", "limitations", "architecture",
+    "operations", "security", "method", "benchmarks", "limitations", "architecture", "formats",
 }  # fmt: skip
 FILES = ("design.stl", "scan.stl", "scan.ply", "scan.obj", "part.stl")
 

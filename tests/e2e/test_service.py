@@ -111,7 +111,7 @@ def test_a_file_that_cannot_be_a_mesh_is_refused_at_once(
     running: RunningService, design: Path, tmp_path: Path
 ) -> None:
     bad = tmp_path / "bomb.stl"
-    bad.write_bytes(b"x".ljust(80) + struct.pack("<I", 2**32 - 1) + b"\0" * 500)
+    bad.write_bytes(b"x".ljust(80) + struct.pack("<I", 2**32 - 2) + b"\0" * 500)
     with pytest.raises(ServiceProblem, match="scan: the STL header announces 4294967295 triangles"):
         running.client.submit(design, bad)
 

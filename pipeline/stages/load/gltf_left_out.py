@@ -16,40 +16,53 @@ class Reason:
     one: str
     many: str
     effect: str
-    code: str = "left_out_of_gltf"
+    code: str
 
 
-LINES = Reason("primitive of lines", "primitives of lines", "left out: lines have no area")
-CLOUDS = Reason("primitive of points", "primitives of points", "left out: only the triangles are read")
+LINES = Reason(
+    "primitive of lines", "primitives of lines", "left out: lines have no area", code="left_out_of_gltf"
+)
+CLOUDS = Reason(
+    "primitive of points",
+    "primitives of points",
+    "left out: only the triangles are read",
+    code="left_out_of_gltf",
+)
 EMPTY = Reason(
-    "primitive without positions", "primitives without positions", "left out: it has nothing to place"
+    "primitive without positions",
+    "primitives without positions",
+    "left out: it has nothing to place",
+    code="left_out_of_gltf",
 )
 REMAINDER = Reason(
     "primitive that ends within a triangle",
     "primitives that end within a triangle",
     "read up to the last whole triangle: the file may be incomplete",
+    code="left_out_of_gltf",
 )
 ELSEWHERE = Reason(
     "node with a mesh outside of the default scene",
     "nodes with meshes outside of the default scene",
     "left out; if it belongs to the part, export it in the same scene",
+    code="left_out_of_gltf",
 )
 HIDDEN = Reason(
     "hidden node with its children",
     "hidden nodes with their children",
     "left out; to use it, make it visible",
+    code="left_out_of_gltf",
 )
 MORPHS = Reason(
     "mesh with morph targets",
     "meshes with morph targets",
     "read as stored, before any morph: where the file shows it morphed, the shape differs",
-    "morph_ignored",
+    code="morph_ignored",
 )
 SKINS = Reason(
     "node with a skin but without joints for its vertices",
     "nodes with skins but without joints for their vertices",
     "read in the pose that is stored, at the place of the node",
-    "skin_ignored",
+    code="skin_ignored",
 )
 
 

@@ -151,7 +151,7 @@ def split_fields(raw: Bytes, ends_of_rows: IndexArray, shape: Shape) -> tuple[In
     by_row = at.reshape(n, per_row)
     starts_of_rows = np.concatenate([[0], ends_of_rows[:-1] + 1])
     begins = np.concatenate([starts_of_rows[:, None], by_row + 1], axis=1)
-    ends = np.concatenate([at, ends_of_rows[:, None]], axis=1)
+    ends = np.concatenate([by_row, ends_of_rows[:, None]], axis=1)
     if shape.trailing and (begins[:, -1] != ends[:, -1]).any():
         for row in np.flatnonzero(begins[:, -1] != ends[:, -1]).tolist():
             if raw[begins[row, -1] : ends[row, -1]].tobytes().strip():

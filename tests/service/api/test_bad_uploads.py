@@ -20,7 +20,7 @@ FACE = struct.pack("<12fH", *range(12), 0)
     [
         ("s.stl", b"", 422, "empty_file"),
         ("s.stl", HEADER + struct.pack("<I", 3) + FACE, 422, "truncated_file"),
-        ("s.stl", HEADER + struct.pack("<I", 2**32 - 1) + FACE * 10, 422, "truncated_file"),
+        ("s.stl", HEADER + struct.pack("<I", 2**32 - 2) + FACE * 10, 422, "truncated_file"),
         ("s.stl", b"\0" * 40, 422, "truncated_file"),
         ("s.txt", b"Dear Sir or Madam,\nplease find attached", 415, "unknown_format"),
         ("s.stl", b"Dear Sir or Madam,\nplease find attached", 415, "unknown_format"),
