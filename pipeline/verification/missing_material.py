@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray, Mesh
-from pipeline.kernels import sampling, topology
+from pipeline.kernels import remesh, sampling, topology
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
@@ -30,6 +30,9 @@ def missing_patch(
     what the scanner saw past (`_seen_past`); and a whole body, where the scan shows most of the others.
     Cavities, which no scanner of surfaces sees, do not count.
     """
+    coarse_mm = max(visible_mm, DIFFERENCE.min_coarse_share * design.mesh.diagonal_mm)
+    if scan.is_reconstructed:  # its sharp edges are cut by up to the length of an edge
+        visible_mm = coarse_mm = max(coarse_mm, remesh.edge_mm(scan.surface.mesh, 0.5))
     visible = ~_in_cavity(working_design, design)
     distance = np.where(visible, scan.closest(working_design.vertices).distance, 0.0)
     mesh = scan.surface.mesh
@@ -38,8 +41,7 @@ def missing_patch(
         areas_mm2, ends = working_design.vertex_areas_mm2(), topology.edges(working_design.faces).ends
         on = (working_design.vertices, ends, areas_mm2, distance)
         # the chords of a coarse scan lie off a curved design
-        visible_mm = max(visible_mm, DIFFERENCE.min_closed_share * design.mesh.diagonal_mm)
-        return off_patch(*on, visible_mm, min_area_mm2, inlier_mm)
+        return off_patch(*on, coarse_mm, min_area_mm2, inlier_mm)
     patch = _seen_past(scan, working_design, design, visible_mm)
     min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
     if patch is not None and patch.area_mm2 >= min_seen_past_mm2:

@@ -33,19 +33,20 @@ class PlacedScan:
         """What the scan shows, with triangles: of a cloud its working mesh."""
         T = self.fit.T_design_scan
         if self.surface is None:
-            return ShownSurface(Surface(self.working), T, self.normal_sign)
+            return ShownSurface(Surface(self.working), T, self.normal_sign, is_reconstructed=True)
         return ShownSurface(self.surface, T @ REFLECTION if self.is_mirrored else T, self.normal_sign)
 
 
 @dataclass(frozen=True, slots=True)
 class ShownSurface:
     """surface : in a frame of its own; T_design_surface : (4, 4), a motion, of a mirror image with a
-    reflection
+    reflection; is_reconstructed : from the points of a cloud
     """
 
     surface: Surface
     T_design_surface: FloatArray
     normal_sign: float
+    is_reconstructed: bool = False
 
     def closest(self, points: FloatArray) -> Closest:
         """The closest points of the surface for `points` (k, 3), in the frame of the design; the normals look

@@ -102,7 +102,7 @@ class DifferenceLimits:
     min_sigmas : standard deviations of the scanner as stated. The definition of "the scan can show it"
     min_residuals : of the residual of the whole scan, which holds its noise. Chosen by hand
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
-    min_closed_share : the same where a closed scan is looked up from the design. Chosen by hand
+    min_coarse_share : the same where a closed scan is looked up from the design. Chosen by hand
     min_area_share : area of the patch over that of the design. Chosen by hand
     min_seen_past_share : area that the scanner saw past over that of the design. Chosen by hand: at the cut
     struts of a lattice 0.1 % looks so
@@ -120,7 +120,7 @@ class DifferenceLimits:
     min_sigmas: float = 4.0
     min_residuals: float = 4.0
     min_size_share: float = 0.003
-    min_closed_share: float = 0.006
+    min_coarse_share: float = 0.006
     min_area_share: float = 0.0005
     min_depth_ratio: float = 0.4
     min_seen_past_share: float = 0.002

@@ -83,3 +83,17 @@ def test_a_body_that_is_not_scanned_is_missing_and_a_cavity_is_not() -> None:
 def test_what_an_open_scan_does_not_show_is_not_missing() -> None:
     found = evidence(opened(BLOB))
     assert found.scan_patch is None and found.design_patch is None
+
+
+def test_the_round_edges_of_a_surface_made_from_points_are_no_missing_material() -> None:
+    box = shapes.box((30.0, 20.0, 12.0))
+    for _ in range(4):
+        box = shapes.subdivided(box)
+    middle, half = np.array([15.0, 10.0, 6.0]), np.array([15.0, 10.0, 6.0])
+    out = (box.vertices - middle) / half
+    corner = np.sort(np.abs(out), axis=1)[:, 1] > 0.999  # on an edge: two coordinates at their limits
+    blunt = Mesh(np.where(corner[:, None], middle + 0.97 * (box.vertices - middle), box.vertices), box.faces)
+    surface, cloud = Surface(box), Mesh(box.vertices, np.zeros((0, 3), dtype=np.int32))
+    fit = evaluate_fit(cloud, cloud.weights(), surface, np.eye(4), INLIER_MM)
+    placed = PlacedScan(cloud, fit, 1.0, blunt, np.arange(len(box.vertices)), None)
+    assert assess_surfaces(placed, surface, box, INLIER_MM, 0.0).design_patch is None
