@@ -89,10 +89,9 @@ def test_the_round_edges_of_a_surface_made_from_points_are_no_missing_material()
     box = shapes.box((30.0, 20.0, 12.0))
     for _ in range(4):
         box = shapes.subdivided(box)
-    middle, half = np.array([15.0, 10.0, 6.0]), np.array([15.0, 10.0, 6.0])
-    out = (box.vertices - middle) / half
-    corner = np.sort(np.abs(out), axis=1)[:, 1] > 0.999  # on an edge: two coordinates at their limits
-    blunt = Mesh(np.where(corner[:, None], middle + 0.97 * (box.vertices - middle), box.vertices), box.faces)
+    on_edge = np.abs(box.vertices - box.vertices.min(axis=0))[:, 1:].max(axis=1) < 1e-9  # the edge along x
+    inward = np.array([0.0, 0.5, 0.5])
+    blunt = Mesh(box.vertices + on_edge[:, None] * inward, box.faces)
     surface, cloud = Surface(box), Mesh(box.vertices, np.zeros((0, 3), dtype=np.int32))
     fit = evaluate_fit(cloud, cloud.weights(), surface, np.eye(4), INLIER_MM)
     placed = PlacedScan(cloud, fit, 1.0, blunt, np.arange(len(box.vertices)), None)
