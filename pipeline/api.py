@@ -179,8 +179,8 @@ def study(
 
 
 def preload() -> None:
-    """Import everything that most jobs need, and look up versions, so that a process forked from this one
-    starts at once.
+    """Import everything that most jobs need, look up versions and compile the template of reports, so that a
+    process forked from this one starts at once.
 
     Raises
     ------
@@ -193,8 +193,10 @@ def preload() -> None:
     import pipeline.workflows.study  # noqa: F401
     from pipeline.core.code_fingerprint import code_fingerprint
     from pipeline.kernels import remesh
+    from pipeline.report import page
     from pipeline.workflows.provenance import versions
 
     remesh.assert_filters()
     code_fingerprint()
     versions()
+    page.template()

@@ -9,20 +9,30 @@ import os
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.kernels.native import core
 
 BINS = 11  # for each angle; Open3D's layout
 
 
-def fpfh(mesh: Mesh, radius_mm: float) -> FloatArray:
-    """(n, 33) histograms at every vertex of `mesh`, over the neighbours nearer than `radius_mm`.
+def fpfh(mesh: Mesh, radius_mm: float, at: IndexArray | None = None) -> FloatArray:
+    """(n, 33) histograms at every vertex of `mesh`, over the neighbours nearer than `radius_mm`; with `at`
+    (k,) only at those vertices: (k, 33), the same bits in less time.
 
     The same bits with any number of threads.
     """
+    at = np.arange(len(mesh.vertices)) if at is None else at
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     normals = np.ascontiguousarray(mesh.vertex_normals(), dtype=np.float64)
-    return np.asarray(core.fpfh(vertices, normals, radius_mm, len(os.sched_getaffinity(0))))
+    return np.asarray(
+        core.fpfh(
+            vertices,
+            normals,
+            np.ascontiguousarray(at, dtype=np.int64),
+            radius_mm,
+            len(os.sched_getaffinity(0)),
+        )
+    )
 
 
 def flip_normals(histograms: FloatArray) -> FloatArray:

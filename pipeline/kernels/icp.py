@@ -160,16 +160,10 @@ def complete_shape(
 
     points : (k, 3) mm, in the frame of `surface`; weights : (k,) >= 0
     """
-    T, near = np.eye(4), None
-    for iteration in range(1, max_iterations + 1):
-        moved = rigid.transformed(T, points)
-        closest = surface.closest(moved, near)
-        near = closest.face
-        increment = rigid.fit(moved, closest.point, weights)
-        T = increment @ T
-        if rigid.rms_displacement(increment, np.eye(4), moved) < tolerance_mm:
-            return Refined(rigid.orthonormal(T), True, iteration)
-    return Refined(rigid.orthonormal(T), False, max_iterations)
+    T, converged, iterations = surface.target.complete(
+        _rows(points), np.ascontiguousarray(weights), max_iterations, tolerance_mm
+    )
+    return Refined(rigid.orthonormal(np.asarray(T)[0]), bool(converged), int(iterations))
 
 
 def _rows(values: FloatArray) -> FloatArray:

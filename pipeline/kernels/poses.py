@@ -3,12 +3,14 @@ poses.
 """
 
 import itertools
+import os
 from collections.abc import Sequence
 
 import numpy as np
 
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.kernels import rigid
+from pipeline.kernels.native import core
 
 #: Max difference of the cosines of corresponding angles in two oriented pairs. Chosen by hand; not fitted.
 MAX_ANGLE_COS = 0.35
@@ -49,32 +51,13 @@ def from_oriented_pairs(
     by index).
     """
     (p, n), (q, m) = scan, design
-    i, j = np.triu_indices(len(p), 1)
-    d_scan, d_design = p[j] - p[i], q[j] - q[i]
-    l_scan, l_design = np.linalg.norm(d_scan, axis=1), np.linalg.norm(d_design, axis=1)
-    length_error = np.abs(l_scan - l_design)
-    keep = (length_error <= length_tolerance_mm) & (np.minimum(l_scan, l_design) >= min_length_mm)
-    i, j, length_error = i[keep], j[keep], length_error[keep]
-    u = d_scan[keep] / l_scan[keep][:, None]
-    v = d_design[keep] / l_design[keep][:, None]
-
-    def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("kd,kd->k", a, b), dtype=np.float64)
-
-    disagreement = np.maximum.reduce(
-        [
-            np.abs(dot(n[i], n[j]) - dot(m[i], m[j])),
-            np.abs(dot(n[i], u) - dot(m[i], v)),
-            np.abs(dot(n[j], u) - dot(m[j], v)),
-        ]
+    p, n, q, m = (np.ascontiguousarray(each, dtype=np.float64) for each in (p, n, q, m))
+    threads = len(os.sched_getaffinity(0))
+    i, j, disagreement = core.agreeing_pairs(
+        p, n, q, m, length_tolerance_mm, min_length_mm, max_angle_cos, MIN_TILT, threads
     )
-    tilt = np.minimum(  # summed normals along the line leave the frame undefined
-        np.linalg.norm(np.cross(n[i] + n[j], u), axis=1), np.linalg.norm(np.cross(m[i] + m[j], v), axis=1)
-    )
-    quality = disagreement / max_angle_cos + length_error / length_tolerance_mm
-    good = np.flatnonzero((disagreement <= max_angle_cos) & (tilt > MIN_TILT))
-    good = good[np.argsort(quality[good], kind="stable")[:max_pairs]]
-    return _between(p, q, n, m, i[good], j[good])
+    best = np.argsort(disagreement, kind="stable")[:max_pairs]
+    return _between(p, q, n, m, np.asarray(i)[best], np.asarray(j)[best])
 
 
 def _between(
@@ -130,22 +113,15 @@ def distinct(
     the scan of one face of a thin wall lies on one face or on the other.
     """
     sign = np.ones(len(T)) if normal_sign is None else normal_sign
-    placed = rigid.transformed(T[order], probes)
-    group = np.array([np.eye(4), *symmetries])
-    taken = np.empty((len(order) * len(group), *probes.shape))
-    taken_sign = np.empty(len(order) * len(group))
-    kept: list[int] = []
-    for number in range(len(order)):
-        earlier = taken[: len(kept) * len(group)]
-        squared = ((earlier - placed[number]) ** 2).sum(axis=2).mean(axis=1)
-        same_side = taken_sign[: len(earlier)] == sign[order[number]]
-        if not ((squared < apart_mm**2) & same_side).any():
-            new = slice(len(earlier), len(earlier) + len(group))
-            taken[new], taken_sign[new] = rigid.transformed(group, placed[number]), sign[order[number]]
-            kept.append(number)
-            if len(kept) == most:
-                break
-    return order[np.array(kept, dtype=np.int64)]
+    kept = core.distinct(
+        np.ascontiguousarray(T[order]),
+        np.ascontiguousarray(sign[order], dtype=np.float64),
+        np.ascontiguousarray(probes, dtype=np.float64),
+        apart_mm,
+        most,
+        np.array([np.eye(4), *symmetries]),
+    )
+    return order[np.asarray(kept)]
 
 
 def perturb(T: FloatArray, points: FloatArray, moved_mm: Sequence[float]) -> FloatArray:

@@ -75,18 +75,21 @@ def orient_coherently(mesh: Mesh) -> tuple[IntArray, IndexArray]:
     return _tracked(mesh, "meshing_re_orient_faces_coherently")
 
 
-def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_deg: float | None = None) -> Mesh:
-    """Remesh the surface with edges of about `edge_mm`; creases sharper than `crease_deg` are kept, by
-    default those that the roughness of the mesh does not make.
+def crease_deg(mesh: Mesh) -> float:
+    """Dihedral angle, degrees, above which an edge is a crease that the roughness does not make."""
+    return float(np.clip(CREASE_PER_ROUGHNESS * roughness_deg(mesh), CREASE_DEG, MAX_CREASE_DEG))
+
+
+def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
+    """Remesh the surface with edges of about `edge_mm` by pymeshlab, for simulated scans: another
+    triangulation than that of the working mesh (`kernels.isotropic`).
     """
-    if crease_deg is None:
-        crease_deg = float(np.clip(CREASE_PER_ROUGHNESS * roughness_deg(mesh), CREASE_DEG, MAX_CREASE_DEG))
     centre_mm = _centre_mm(mesh)
     meshes = _meshset(mesh, centre_mm)
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=iterations,
         targetlen=pymeshlab.PureValue(edge_mm),
-        featuredeg=crease_deg,
+        featuredeg=crease_deg(mesh),
         checksurfdist=False,
     )
     return _current(meshes, centre_mm)

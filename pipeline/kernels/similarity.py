@@ -69,7 +69,7 @@ def estimate_scale(
         columns = along if per_axis else along.sum(axis=1, keepdims=True)
         J = np.column_stack([np.cross(arm, closest.normal) / radius, closest.normal, columns])
         residual = (closest.normal * (closest.point - moved)).sum(axis=1)
-        A = np.einsum("k,ki,kj->ij", w, J, J) / w.sum()
+        A = np.einsum("ki,kj->ij", w[:, None] * J, J) / w.sum()
         if np.linalg.eigvalsh(A)[0] < MIN_EIGENVALUE:
             return None
         x = np.linalg.solve(A, np.einsum("k,ki,k->i", w, J, residual) / w.sum())

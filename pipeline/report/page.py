@@ -9,7 +9,9 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +30,9 @@ from pipeline.report import tables
 from pipeline.report.numbers import fixed, millimetres, percent, signed
 from pipeline.report.render import MARGIN, View, four_views, picture
 from pipeline.report.sections import Drawing, Pictures, Section
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 #: Width and height of a rendered view.
 PICTURE_PX = (520, 380)
@@ -191,6 +196,21 @@ def _drawing(out: Path, title: str, name: str, *, full: bool = False) -> list[Dr
     return [Drawing(title, (out / name).read_bytes(), full)] if (out / name).exists() else []
 
 
+@cache
+def template() -> "Template":
+    """The template of every page; compiled by the first call, which `pipeline.preload` makes."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("pipeline.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html")
+
+
 def _render(
     title: str,
     sections: Sequence[Section],
@@ -204,17 +224,8 @@ def _render(
     tiles: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The HTML. inputs : by name; the footer of each printed page gives the first digits of their hashes"""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("pipeline.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     files = ", ".join(f"{name} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
-    page = environment.get_template("report.html").render(
+    page = template().render(
         title=title,
         subtitle=subtitle,
         verdict=None if verdict is None else _verdict(verdict),

@@ -13,7 +13,7 @@ import open3d as o3d
 from pipeline.core.errors import ResampleFailed
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.core.settings import CleanSettings, ResampleSettings
-from pipeline.kernels import remesh
+from pipeline.kernels import isotropic, remesh
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import clean
@@ -127,7 +127,7 @@ def _remeshed(
     crease_deg: float | None = None,
 ) -> Mesh:
     """noisy : the surface was; where what is left of the noise still makes creases, none is kept;
-    crease_deg : as of `remesh.isotropic`
+    crease_deg : as of `isotropic.remeshed`
     """
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
@@ -135,14 +135,10 @@ def _remeshed(
     passes = settings.iterations
     if remesh.edge_mm(surface, NEARLY_ALL) <= SHORT_EDGES * edge_mm:
         passes = min(passes, FEW_PASSES)
-    try:
-        remeshed = remesh.isotropic(surface, edge_mm, passes, crease_deg=crease_deg)
-        too_fine = (1 - EDGE_TOLERANCE) * edge_mm
-        if noisy and len(remeshed.faces) and remesh.edge_mm(remeshed, 0.5) < too_fine:
-            without = remesh.NO_CREASE_DEG
-            remeshed = remesh.isotropic(surface, edge_mm, passes, crease_deg=without)
-    except remesh.PyMeshLabException as error:
-        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
+    remeshed = isotropic.remeshed(surface, edge_mm, passes, crease_deg=crease_deg)
+    too_fine = (1 - EDGE_TOLERANCE) * edge_mm
+    if noisy and len(remeshed.faces) and remesh.edge_mm(remeshed, 0.5) < too_fine:
+        remeshed = isotropic.remeshed(surface, edge_mm, passes, crease_deg=remesh.NO_CREASE_DEG)
     if len(remeshed.faces) == 0:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm produced no triangles", mesh=name)
     return clean(remeshed, name, CleanSettings()).mesh

@@ -266,7 +266,9 @@ void bind_copy_icp(nb::module_& m);      // copy_icp.cpp
 void bind_fpfh(nb::module_& m);          // fpfh.cpp
 void bind_icp(nb::module_& m);           // icp.cpp
 void bind_nearest_grid(nb::module_& m);  // nearest_grid.cpp
+void bind_poses(nb::module_& m);         // poses.cpp
 void bind_raster(nb::module_& m);        // raster.cpp
+void bind_remesh(nb::module_& m);        // remesh.cpp
 
 NB_MODULE(core, m) {
     m.doc() = "C++ core of kernels/geodesics.py, kernels/copy_icp.py and kernels/surface.py.";
@@ -296,5 +298,7 @@ NB_MODULE(core, m) {
     bind_icp(m);
     bind_nearest_grid(m);
     bind_fpfh(m);
+    bind_poses(m);
     bind_raster(m);
+    bind_remesh(m);
 }

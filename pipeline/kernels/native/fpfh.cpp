@@ -21,6 +21,7 @@ namespace {
 using cusp::CellGrid;
 using cusp::cross;
 using cusp::dot;
+using cusp::In1;
 using cusp::In2;
 using cusp::Out2;
 using cusp::Vec;
@@ -77,14 +78,19 @@ PairBins bins_of_pair(const double* p, const double* np, const double* q, const 
     return {bins, bins};
 }
 
-// (n, 33) histograms of `points` (n, 3) with unit `normals` (n, 3), over the neighbours nearer than `radius`.
-Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, double radius, int threads) {
+// (k, 33) histograms at the points of the numbers `at` (k,), of `points` (n, 3) with unit `normals` (n, 3),
+// over the neighbours nearer than `radius`.
+Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, const In1<int64_t>& at,
+                  double radius, int threads) {
     if (points.shape(1) != 3 || normals.shape(1) != 3 || points.shape(0) != normals.shape(0))
         throw std::invalid_argument("points and normals must have one shape (n, 3)");
     if (!(radius > 0)) throw std::invalid_argument("radius must be above 0");
     const auto n = static_cast<int64_t>(points.shape(0));
+    const auto asked = static_cast<int64_t>(at.shape(0));
+    for (int64_t k = 0; k < asked; ++k)
+        if (at.data()[k] < 0 || at.data()[k] >= n) throw std::out_of_range("no such point");
     const double *p = points.data(), *normal = normals.data();
-    std::vector<double> simple(kWidth * n), full(kWidth * n);
+    std::vector<double> simple(kWidth * n), full(kWidth * asked);
     {
         const nb::gil_scoped_release no_gil;
         const CellGrid grid(p, n, radius);
@@ -110,7 +116,8 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, double 
             for (int k = 0; neighbours > 0 && k < kWidth; ++k)
                 simple[kWidth * i + k] = sum[k] * (kTotal / neighbours);
         }
-        cusp::for_each(n, threads, {}, [&](int, int64_t i) {
+        cusp::for_each(asked, threads, {}, [&](int, int64_t number) {
+            const int64_t i = at.data()[number];
             std::array<double, kWidth> sum{};
             grid.for_each_near(i, [&](int64_t j, double distance_sq) {
                 if (distance_sq == 0) return;
@@ -121,7 +128,7 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, double 
                 double total = 0;
                 for (int k = angle * kBins; k < (angle + 1) * kBins; ++k) total += sum[k];
                 for (int k = angle * kBins; k < (angle + 1) * kBins; ++k)
-                    full[kWidth * i + k] =
+                    full[kWidth * number + k] =
                         (total == 0 ? 0 : sum[k] * (kTotal / total)) + simple[kWidth * i + k];
             }
         });
@@ -129,9 +136,11 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, double 
     auto* owned = new std::vector<double>(std::move(full));
     const nb::capsule owner(owned,
                             [](void* memory) noexcept { delete static_cast<std::vector<double>*>(memory); });
-    return Out2<double>(owned->data(), {static_cast<size_t>(n), kWidth}, owner);
+    return Out2<double>(owned->data(), {static_cast<size_t>(asked), kWidth}, owner);
 }
 
 }  // namespace
 
-void bind_fpfh(nb::module_& m) { m.def("fpfh", &fpfh, "points"_a, "normals"_a, "radius"_a, "threads"_a); }
+void bind_fpfh(nb::module_& m) {
+    m.def("fpfh", &fpfh, "points"_a, "normals"_a, "at"_a, "radius"_a, "threads"_a);
+}

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "best_rotation.hpp"
 #include "bridge.hpp"
 #include "plane_step.hpp"
 #include "point_tree.hpp"
@@ -231,7 +232,65 @@ class SurfaceTarget {
         return {matrices(std::move(refined)), to_numpy(std::move(converged)), to_numpy(std::move(steps))};
     }
 
+    // Point-to-point ICP of all points from the identity, none excluded (Besl & McKay 1992): T (1, 4, 4),
+    // converged 0 or 1, iterations.
+    std::tuple<OutMatrices, bool, int32_t> complete(const In2<double>& points, const In1<double>& weights,
+                                                    int iterations, double tolerance) const {
+        check_rows(points, weights.shape(0), "points must be (k, 3), one weight each");
+        const auto count = static_cast<int64_t>(points.shape(0));
+        Motion motion;
+        bool converged = false;
+        int32_t steps = 0;
+        {
+            const nb::gil_scoped_release no_gil;
+            std::vector<Point> moved(count), target(count);
+            std::vector<int32_t> near(count, -1);
+            while (steps < iterations && !converged) {
+                ++steps;
+                for (int64_t i = 0; i < count; ++i) {
+                    moved[i] = motion(row(points, i));
+                    const SurfacePoint found = tree_.closest(moved[i].data(), near[i]);
+                    near[i] = found.face;
+                    target[i] = found.point;
+                }
+                const Motion step = fit(moved, target, weights);
+                motion = step.after(motion);
+                double sum = 0;
+                for (const Point& each : moved) {
+                    const Vec by = cusp::minus(step(each).data(), each.data());
+                    sum += cusp::dot(by, by);
+                }
+                converged = std::sqrt(sum / static_cast<double>(count)) < tolerance;
+            }
+        }
+        std::vector<double> found(16);
+        motion.write(found.data());
+        return {matrices(std::move(found)), converged, steps};
+    }
+
    private:
+    // The motion with the least weighted sum of squared distances to the targets
+    static Motion fit(const std::vector<Point>& source, const std::vector<Point>& target,
+                      const In1<double>& weights) {
+        double total = 0;
+        Point from{0, 0, 0}, to{0, 0, 0};
+        for (size_t i = 0; i < source.size(); ++i) {
+            const double w = weights.data()[i];
+            total += w;
+            for (int k = 0; k < 3; ++k) from[k] += w * source[i][k], to[k] += w * target[i][k];
+        }
+        for (int k = 0; k < 3; ++k) from[k] /= total, to[k] /= total;
+        cusp::Matrix3 S{};
+        for (size_t i = 0; i < source.size(); ++i)
+            for (int k = 0; k < 3; ++k)
+                for (int l = 0; l < 3; ++l)
+                    S[k][l] += weights.data()[i] * (target[i][k] - to[k]) * (source[i][l] - from[l]);
+        Motion motion{cusp::best_rotation(S), {0, 0, 0}};
+        const Point turned = motion(from);
+        for (int k = 0; k < 3; ++k) motion.t[k] = to[k] - turned[k];
+        return motion;
+    }
+
     static const double* checked(const In2<double>& vertices, const In2<int32_t>& faces) {
         if (vertices.shape(1) != 3 || faces.shape(1) != 3)
             throw std::invalid_argument("vertices and faces must have three columns");
@@ -293,6 +352,7 @@ void bind_icp(nb::module_& m) {
     nb::class_<SurfaceTarget>(m, "SurfaceTarget")
         .def(nb::init<const In2<double>&, const In2<int32_t>&>(), "vertices"_a, "faces"_a)
         .def("closest", &SurfaceTarget::closest, "points"_a, "near"_a.none(), "threads"_a)
+        .def("complete", &SurfaceTarget::complete, "points"_a, "weights"_a, "iterations"_a, "tolerance"_a)
         .def("refine", &SurfaceTarget::refine, "points"_a, "normals"_a.none(), "weights"_a, "T"_a,
              "normal_sign"_a, "max_distance"_a, "start_factor"_a, "decay"_a, "min_agreement"_a, "damping"_a,
              "min_pairs"_a, "iterations"_a, "tolerance"_a, "stall_share"_a, "stall_iterations"_a,

@@ -66,7 +66,16 @@ def test_flat_surfaces_and_doubled_points_have_those_of_open3d() -> None:
         np.testing.assert_allclose(fpfh(mesh, 2.1), reference(mesh, 2.1), rtol=1e-9, atol=1e-9)
 
 
+def test_some_vertices_have_the_bits_that_they_have_among_all() -> None:
+    blob = shapes.bumpy_blob(3)
+    some = np.array([7, 3, 3, 640])
+    np.testing.assert_array_equal(fpfh(blob, RADIUS_MM, some), fpfh(blob, RADIUS_MM)[some])
+    with pytest.raises(IndexError):
+        fpfh(blob, RADIUS_MM, np.array([len(blob.vertices)]))
+
+
 def test_threads_do_not_change_one_bit() -> None:
     blob = shapes.bumpy_blob(3)
-    one, four = (core.fpfh(blob.vertices, blob.vertex_normals(), RADIUS_MM, threads) for threads in (1, 4))
+    every = np.arange(len(blob.vertices))
+    one, four = (core.fpfh(blob.vertices, blob.vertex_normals(), every, RADIUS_MM, n) for n in (1, 4))
     np.testing.assert_array_equal(one, four)

@@ -108,3 +108,20 @@ def test_a_sphere_that_noise_turns_for_ever_has_converged_when_its_cost_no_longe
     assert found.converged and found.iterations < 100
     centre = rigid.transformed(found.T_target_source, np.zeros((1, 3)))
     np.testing.assert_allclose(centre, 0, atol=5 * 0.05 / np.sqrt(2000))  # as well as noise allows
+
+
+def test_icp_of_the_complete_shape_takes_the_steps_of_the_plain_method() -> None:
+    """Besl & McKay's loop, written out with numpy: the closest points, then the best motion to them."""
+    blob = shapes.bumpy_blob(3)
+    surface, T_start = Surface(blob), rigid.from_vector(np.array([[0.1, -0.05, 0.2, 1.0, 0.5, -0.7]]))[0]
+    points = rigid.transformed(T_start, blob.vertices[::7])
+    weights = np.random.default_rng(0).random(len(points))
+    T = np.eye(4)
+    for _ in range(12):
+        moved = rigid.transformed(T, points)
+        T = rigid.fit(moved, surface.closest(moved).point, weights) @ T
+    found = icp.complete_shape(points, weights, surface, max_iterations=12, tolerance_mm=1e-12)
+    np.testing.assert_allclose(found.T_target_source, T, atol=1e-9)
+    assert found.iterations == 12 and not found.converged
+    soon = icp.complete_shape(points, weights, surface, max_iterations=500, tolerance_mm=0.01)
+    assert soon.converged and soon.iterations < 500
