@@ -16,29 +16,31 @@ from pipeline.analysis.mesh_analysis import Analysis, Scales, analyse_mesh, desc
 from pipeline.analysis.symmetry_group import SymmetryGroup, find_symmetries
 from pipeline.core import archive
 from pipeline.core.code_fingerprint import code_fingerprint
-from pipeline.core.mesh import FloatArray
+from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
 from pipeline.kernels.surface import Surface
-from pipeline.search.types import DescribedMesh
+from pipeline.search.types import DescribedMesh, Descriptors
 
 
 @dataclass(frozen=True, slots=True)
 class CachedDesign:
     """What is stored of a design model.
 
-    fingerprint : of everything it follows from; descriptors : of its working mesh; symmetries, approximate :
-    (4, 4) each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's alone, by name
+    fingerprint : of everything it follows from; spread, descriptors : as in `DescribedMesh`; symmetries,
+    approximate : (4, 4) each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's
+    alone, by name
     """
 
     fingerprint: str
     input: Input
     warnings: tuple[Note, ...]
     analysis: Analysis
-    descriptors: FloatArray
+    spread: IndexArray
+    descriptors: Descriptors
     symmetries: tuple[FloatArray, ...]
     approximate: tuple[FloatArray, ...]
     files: dict[str, bytes]
@@ -74,7 +76,8 @@ class DesignModel:
 
     @cached_property
     def described(self) -> DescribedMesh:
-        return DescribedMesh(self.analysis.resampled.mesh, self.analysis.landmarks, self.cached.descriptors)
+        working, landmarks = self.analysis.resampled.mesh, self.analysis.landmarks
+        return DescribedMesh(working, landmarks, self.cached.spread, self.cached.descriptors)
 
     @cached_property
     def symmetry(self) -> SymmetryGroup:
@@ -118,7 +121,8 @@ def build_design(
         input=design.record(),
         warnings=tuple(design.warnings()),
         analysis=analysis,
-        descriptors=described.compute_descriptors(length_mm, settings.matching),
+        spread=described.spread,
+        descriptors=described.descriptors,
         symmetries=symmetry.elements,
         approximate=symmetry.approximate,
         files={},

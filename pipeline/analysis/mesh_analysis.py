@@ -125,6 +125,5 @@ def analyse_mesh(
 
 def describe_mesh(analysis: Analysis, scales: Scales, settings: Settings) -> DescribedMesh:
     """The mesh as matching uses it, its descriptors computed."""
-    described = DescribedMesh(analysis.resampled.mesh, analysis.landmarks)
-    descriptors = described.compute_descriptors(scales.matching_mm(settings), settings.matching)
-    return replace(described, descriptors=descriptors)
+    radius_mm = settings.matching.descriptor_radius_lengths * scales.matching_mm(settings)
+    return DescribedMesh.of(analysis.resampled.mesh, analysis.landmarks, radius_mm)

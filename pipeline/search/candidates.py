@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.settings import MatchingSettings
-from pipeline.kernels import fpfh, poses, sampling, topology
+from pipeline.kernels import fpfh, poses, topology
 from pipeline.kernels.nearest import k_nearest
 from pipeline.search.schedule import MATCHING
 from pipeline.search.types import SOURCES, DescribedMesh, PosePool, Source
@@ -31,8 +31,7 @@ def generate_candidates(
     one of the two is open, poses are also generated with the scan's normals flipped.
     """
     pairs = _PairGenerator(design, scan, length_mm, settings)
-    spread = sampling.farthest(scan.mesh.vertices, MATCHING.dense_points)
-    everywhere = sampling.farthest(design.mesh.vertices, 4 * MATCHING.dense_points)
+    spread, everywhere = scan.spread[: MATCHING.dense_points], design.spread
     groups: list[tuple[FloatArray, float, Source]] = []
     for sign in (1.0, -1.0) if _is_open(scan.mesh) or _is_open(design.mesh) else (1.0,):
         if min(len(design.landmarks.vertex), len(scan.landmarks.vertex)) >= 2:
@@ -61,8 +60,6 @@ class _PairGenerator:
         self, design: DescribedMesh, scan: DescribedMesh, length_mm: float, settings: MatchingSettings
     ) -> None:
         self._design, self._scan, self._length_mm, self._settings = design, scan, length_mm, settings
-        self._design_fpfh = design.compute_descriptors(length_mm, settings)
-        self._scan_fpfh = scan.compute_descriptors(length_mm, settings)
         self._scan_normals = scan.mesh.vertex_normals()
         self._design_normals = design.mesh.vertex_normals()
 
@@ -72,8 +69,9 @@ class _PairGenerator:
         """(h, 4, 4) T_design_scan. scan_vertex, design_vertex : the vertices considered; candidates : of the
         design for each of the scan
         """
-        descriptors = self._scan_fpfh if normal_sign > 0 else fpfh.flip_normals(self._scan_fpfh)
-        i, j = _nearest_descriptors(descriptors[scan_vertex], self._design_fpfh[design_vertex], candidates)
+        of_scan = self._scan.descriptors.at(scan_vertex)
+        of_scan = of_scan if normal_sign > 0 else fpfh.flip_normals(of_scan)
+        i, j = _nearest_descriptors(of_scan, self._design.descriptors.at(design_vertex), candidates)
         i, j = scan_vertex[i], design_vertex[j]
         return poses.from_oriented_pairs(
             (self._scan.mesh.vertices[i], normal_sign * self._scan_normals[i]),

@@ -28,7 +28,8 @@ class MatchingSchedule:
     # Samples. Chosen by hand.
     design_samples: int = 20_000  # points on the design that a scan point is matched to
     coarse_samples: int = 150  # scan points of a quick evaluation; the quickest uses a quarter of them
-    dense_points: int = 160  # evenly spread scan points with a descriptor, four times as many on the design
+    dense_points: int = 160  # evenly spread scan points with a descriptor
+    dense_design_points: int = 640  # and so many on the design
     dense_candidates: int = 3  # design points tried for each of those
     max_landmarks: int = 400  # of a mesh, the strongest: memory is quadratic in their candidates
 

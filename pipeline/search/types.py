@@ -10,8 +10,8 @@ import numpy as np
 
 from pipeline.core.landmark_set import LandmarkSet
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
-from pipeline.core.settings import MatchingSettings
-from pipeline.kernels import fpfh
+from pipeline.kernels import fpfh, sampling
+from pipeline.search.schedule import MATCHING
 
 Source = Literal["landmarks", "dense", "axes"]
 SOURCES: tuple[Source, ...] = ("landmarks", "dense", "axes")
@@ -20,32 +20,47 @@ MIRROR = np.array([-1.0, 1.0, 1.0])  # reflection in the plane x = 0; a mirrored
 
 
 @dataclass(frozen=True, slots=True)
+class Descriptors:
+    """FPFH of some vertices. vertex : (k,) ascending; values : (k, 33)"""
+
+    vertex: IndexArray
+    values: FloatArray
+
+    def at(self, vertices: IndexArray) -> FloatArray:
+        """(l, 33) those of `vertices` (l,), which are among `vertex`."""
+        return self.values[np.searchsorted(self.vertex, vertices)]
+
+
+@dataclass(frozen=True, slots=True)
 class DescribedMesh:
     """One mesh as matching uses it.
 
-    mesh : the working mesh; landmarks : on it; descriptors : (n, 33) FPFH of its vertices, None until
-    computed
+    mesh : the working mesh; landmarks : on it; spread : (s,) vertices by farthest-point sampling;
+    descriptors : of the landmarks that matching uses, and of `spread`
     """
 
     mesh: Mesh
     landmarks: LandmarkSet
-    descriptors: FloatArray | None = None
+    spread: IndexArray
+    descriptors: Descriptors
 
-    def compute_descriptors(self, length_mm: float, settings: MatchingSettings) -> FloatArray:
-        """(n, 33) FPFH of the vertices of the working mesh."""
-        if self.descriptors is not None:
-            return self.descriptors
-        return fpfh.fpfh(self.mesh, settings.descriptor_radius_lengths * length_mm)
+    @classmethod
+    def of(cls, mesh: Mesh, landmarks: LandmarkSet, radius_mm: float) -> "DescribedMesh":
+        """The mesh, its descriptors computed over neighbours nearer than `radius_mm`."""
+        # As many as are spread on a design: any mesh may be matched as one.
+        spread = sampling.farthest(mesh.vertices, MATCHING.dense_design_points)
+        vertex = np.unique(np.concatenate([landmarks.vertex[: MATCHING.max_landmarks], spread]))
+        return cls(mesh, landmarks, spread, Descriptors(vertex, fpfh.fpfh(mesh, radius_mm, vertex)))
 
-    def mirrored(self, length_mm: float, settings: MatchingSettings) -> "DescribedMesh":
+    def mirrored(self) -> "DescribedMesh":
         """Its mirror image in the plane x = 0, with outward normals."""
-        descriptors = fpfh.mirror(self.compute_descriptors(length_mm, settings))
         landmarks = replace(
             self.landmarks,
             position_mm=self.landmarks.position_mm * MIRROR,
             normal=self.landmarks.normal * MIRROR,
         )
-        return DescribedMesh(mirror_mesh(self.mesh), landmarks, descriptors)
+        descriptors = replace(self.descriptors, values=fpfh.mirror(self.descriptors.values))
+        return DescribedMesh(mirror_mesh(self.mesh), landmarks, self.spread, descriptors)
 
 
 def mirror_mesh(mesh: Mesh) -> Mesh:

@@ -13,7 +13,7 @@ repeatability = one-to-one pairs within eps / points that the scan contains. A d
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from pipeline.core.timing import silent
 from pipeline.kernels import rigid
 from pipeline.kernels.fpfh import fpfh
 from pipeline.report.numbers import percent
-from pipeline.search.types import DescribedMesh
+from pipeline.search.types import DescribedMesh, Descriptors
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
 from pipeline.stages.matching import match
@@ -200,7 +200,9 @@ def _analyse(
     }
     support_mm = settings.matching.descriptor_radius_lengths * settings.matching.length_share * scales.size_mm
     one = next(iter(keypoints.values()))
-    return _Analysed(DescribedMesh(working, one, fpfh(working, support_mm)), keypoints)
+    every, no_spread = np.arange(len(working.vertices)), np.arange(0)
+    descriptors = Descriptors(every, fpfh(working, support_mm))
+    return _Analysed(DescribedMesh(working, one, no_spread, descriptors), keypoints)
 
 
 def _compare(
@@ -270,8 +272,7 @@ def _pose_error_mm(
     only.
     """
     design, other = (
-        DescribedMesh(analysed.side.mesh, analysed.keypoints[detector], analysed.side.descriptors)
-        for analysed in (whole, again)
+        replace(analysed.side, landmarks=analysed.keypoints[detector]) for analysed in (whole, again)
     )
     if min(len(design.landmarks.vertex), len(other.landmarks.vertex)) < 3:
         return None

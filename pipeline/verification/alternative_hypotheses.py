@@ -110,14 +110,18 @@ def check_mirror_image(
 ) -> tuple[MirrorCheck, FloatArray]:
     """How well the mirrored scan fits under its best pose, and that pose (4, 4), `T_design_mirrored`."""
     settings, registration, scan = job.settings, registered.registration, registered.scan
-    described = registered.described.mirrored(design.matching_mm, settings.matching)
+    described = registered.described.mirrored()
     matching = match_to_design(described, design, job)
     model = ScanModel.mirrored(scan.mesh, registration.scan_surface, settings.registration, job.seed)
     search = search_pose(model, design.surface, matching, settings.registration, thorough=False)
     inlier_mm, best = registration.inlier_distance_mm, search.best
+    by_samples_mm = float(np.sqrt(best.cost_mm2))
+    limit_mm = settings.registration.mirror_gain * registration.fit.truncated_rms_mm
+    if by_samples_mm > HYPOTHESES.mirror_sample_margin * limit_mm:  # no need to look at every vertex
+        return MirrorCheck(by_samples_mm, None, None), best.T_design_scan
     fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
     rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
-    if rms_mm > settings.registration.mirror_gain * of_scan_mm:
+    if rms_mm > limit_mm:
         return MirrorCheck(rms_mm, None, None), best.T_design_scan
     placed = PlacedScan(
         model.mesh,

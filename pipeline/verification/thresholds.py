@@ -144,6 +144,8 @@ class HypothesisLimits:
     part of it, or the whole with some surroundings. Chosen by hand
     equal_pose_share : RMS, of the diagonal, that a symmetry-equivalent pose may leave above the best.
     Derived: the RMS up to which a motion is a symmetry (`SymmetrySchedule.rms_share`)
+    mirror_sample_margin : times `mirror_gain`: the mirrored scan's samples lie off by more, and not every
+    vertex is looked at. Chosen by hand: the two RMS differ by a few percent
     """
 
     symmetry_better_ratio: float = 0.95
@@ -152,6 +154,7 @@ class HypothesisLimits:
     min_size_ratio: float = 0.3
     max_size_ratio: float = 1.4
     equal_pose_share: float = 0.0005
+    mirror_sample_margin: float = 1.2
 
 
 #: The scan's numbers times this are mm, where they were read as mm; each with the name of the mix-up.

@@ -64,7 +64,8 @@ def test_what_is_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
     archive.write(tmp_path / "kept.npz", kept)
     back = archive.read(tmp_path / "kept.npz", CachedDesign)
     assert back.analysis.mesh.vertices.tobytes() == kept.analysis.mesh.vertices.tobytes()
-    assert back.descriptors.tobytes() == kept.descriptors.tobytes()
+    assert back.descriptors.values.tobytes() == kept.descriptors.values.tobytes()
+    assert back.spread.tobytes() == kept.spread.tobytes()
     assert back.analysis.landmarks.t2.tobytes() == kept.analysis.landmarks.t2.tobytes()
     assert back.analysis.segmentation.labels.dtype == kept.analysis.segmentation.labels.dtype
     assert back.analysis.resampled.fine is None

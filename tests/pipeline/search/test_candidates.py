@@ -29,7 +29,7 @@ def described(mesh: Mesh, vertices: np.ndarray[tuple[int], np.dtype[np.int64]]) 
         zeros,
         0.0,
     )
-    return DescribedMesh(mesh, landmarks)
+    return DescribedMesh.of(mesh, landmarks, MatchingSettings().descriptor_radius_lengths * LENGTH_MM)
 
 
 def candidates(design: Mesh, scan: Mesh, settings: MatchingSettings) -> PosePool:
