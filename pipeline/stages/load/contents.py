@@ -11,15 +11,25 @@ from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 
 
+@dataclass(frozen=True, slots=True)
+class FilePart:
+    """Something that a person would call one part: a build item of a 3MF, a mesh of a glTF."""
+
+    number: int
+    name: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """vertices : (n, 3) float64, unit and frame of the file, transforms of the file applied; faces : (m, 3)
-    int64 or int32, none of a point cloud; name : as the file calls it, or empty
+    int64 or int32, none of a point cloud; name : as the file calls it, or empty;
+    part : of the file that it belongs to, None where it is one itself
     """
 
     vertices: FloatArray
     faces: IndexArray | IntArray
     name: str = ""
+    part: FilePart | None = None
 
     @classmethod
     def cloud(cls, points: FloatArray, name: str = "") -> "Body":

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import (
+    ColumnsUnfit,
     CoordinateOutOfRange,
     MeshTooLarge,
     NoSurface,
@@ -24,6 +25,7 @@ from pipeline.stages.load.contents import Contents, Reader, joined, used_bodies
 from pipeline.stages.load.gltf import read_glb
 from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
+from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.ply import read_ply
 from pipeline.stages.load.point_text import read_point_text
 from pipeline.stages.load.stl import read_stl
@@ -66,12 +68,12 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     Raises
     ------
     EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange,
-    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown
+    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown, PartNotFound, ColumnsUnfit
     """
     data = _read(source.path, name)
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
     try:
-        contents = READERS[kind](data, settings)
+        contents = _contents(kind, data, source, settings)
         vertices, faces = joined(contents)
         if len(vertices) == 0:
             raise UnreadableFile(f"the {kind} has no triangles and no points")
@@ -94,6 +96,17 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
 def _body_of_face(contents: Contents) -> IntArray | None:
     counts = [len(body.faces) for body in used_bodies(contents)]
     return np.repeat(np.arange(len(counts), dtype=np.int32), counts) if len(counts) > 1 else None
+
+
+def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSettings) -> Contents:
+    """What is in the file, with the columns and the part that `source` states."""
+    if kind is Format.XYZ:
+        return read_point_text(data, settings, source.columns)
+    if source.columns is not None:
+        raise ColumnsUnfit(f"options.columns is for texts of points, and the file is {kind.upper()}")
+    contents = READERS[kind](data, settings)
+    has_faces = any(len(body.faces) for body in contents.bodies)
+    return choose_part(contents, source.part) if has_faces or source.part is not None else contents
 
 
 def _in_mm(vertices: FloatArray, faces: IndexArray | IntArray, mm_per_unit: float) -> Mesh:

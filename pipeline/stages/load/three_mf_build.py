@@ -4,14 +4,14 @@ Points are row vectors, and a transform is (A, b) with p' = p A + b (3MF core sp
 Points of a component in another part are first scaled to the unit of the part that refers to it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.core.errors import MeshTooLarge, UnitUnknown, UnreadableFile
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load.contents import Body
+from pipeline.stages.load.contents import Body, FilePart
 from pipeline.stages.load.three_mf_left_out import NOT_PRINTABLE, LeftOut, of_geometry, of_kind, of_role
 from pipeline.stages.load.three_mf_model import read_model
 from pipeline.stages.load.three_mf_package import Package
@@ -80,6 +80,8 @@ class Builder:
             before = len(plate.bodies)
             self._place(plate, model, thing, self._linear(self.root, item, model), kinds, name)
             if len(plate.bodies) > before:
+                part = FilePart(len(plate.items), name)
+                plate.bodies[before:] = [replace(body, part=part) for body in plate.bodies[before:]]
                 plate.items.append(name)
         return plate
 
