@@ -127,7 +127,8 @@ class Builder:
                 seen[use.object_id] = occurrence + 1
                 part = self._part(model, thing, use, occurrence)
                 inner_linear, inner_offset = self._linear(model, use, inner_model)
-                placed = (inner_linear @ linear, inner_offset @ linear + offset)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    placed = (inner_linear @ linear, inner_offset @ linear + offset)
                 called = inner.name or part.name or self._name(inner_model, inner)
                 self._place(plate, inner_model, inner, placed, kinds, called, part.role)
 
@@ -204,7 +205,8 @@ class Builder:
                 if each.unit not in DECLARED:
                     raise UnitUnknown(f"{each.part} in the 3MF declares the unit {each.unit!r}")
             scale = DECLARED[target.unit][1] / DECLARED[model.unit][1]
-        return scale * use.transform[:3], use.transform[3]
+        with np.errstate(over="ignore"):  # such vertices are refused with the mesh
+            return scale * use.transform[:3], use.transform[3]
 
     def _where(self, use: Use) -> str:
         return use.place.text(self._package.read(use.place.part))
