@@ -60,15 +60,20 @@ def shells(
     """
     of_face = np.full(len(faces), -1, dtype=np.int64)
     simple, shared = _slots(faces, edges, closed)
-    piece = _joined(len(faces), simple[:, [0, 2]])
-    group = piece if body is None else piece + (int(piece.max()) + 1) * body
-    pairs = [simple]
-    for slots in shared:
-        pairs.append(_paired(vertices, faces, slots, group, body))
-    halves = np.concatenate(pairs)
-    joined = _joined(len(faces), halves[:, [0, 2]])[closed]
-    _, first, inverse = np.unique(joined, return_index=True, return_inverse=True)
-    of_face[closed] = np.argsort(np.argsort(first))[inverse]
+    joined = _joined(len(faces), simple[:, [0, 2]])
+    if shared:
+        group = joined if body is None else joined + (int(joined.max()) + 1) * body
+        pairs = [_paired(vertices, faces, slots, group, body) for slots in shared]
+        halves = np.concatenate([simple, *pairs])
+        joined = _joined(len(faces), halves[:, [0, 2]])
+    else:
+        halves = simple
+    of_closed = joined[closed]
+    if (of_closed == of_closed[0]).all():
+        of_face[closed] = 0
+    else:
+        _, first, inverse = np.unique(of_closed, return_index=True, return_inverse=True)
+        of_face[closed] = np.argsort(np.argsort(first))[inverse]
     return Shells(of_face, len(shared), halves)
 
 
@@ -109,18 +114,23 @@ def _slots(faces: IntArray, edges: topology.Edges, closed: BoolArray) -> tuple[I
     """Pairs (h, 4) of triangle and corner at edges with two triangles, and for each other edge its (k, 3)
     triangles, corners and directions, ascending.
     """
-    slot_edge = edges.of_face[closed].ravel()
-    face = np.repeat(np.flatnonzero(closed), 3)
-    corner = np.tile(np.arange(3), int(closed.sum()))
-    sign = _signs(faces)[closed].ravel().astype(np.int64)
-    order = np.argsort(slot_edge, kind="stable")
-    table = np.stack([face, corner, sign], axis=1)[order]
-    count = edges.count[slot_edge[order]]
-    two = table[count == 2].reshape(-1, 2, 3)
-    simple = np.concatenate([two[:, 0, :2], two[:, 1, :2]], axis=1)
-    rest, rest_edge = table[count > 2], slot_edge[order][count > 2]
-    starts = np.flatnonzero(np.diff(rest_edge, prepend=-1))
-    return simple, np.split(rest, starts[1:]) if len(rest) else []
+    slots = np.flatnonzero(np.repeat(closed, 3))  # 3 * triangle + corner
+    edge = edges.of_face[closed].ravel()
+    first, last = np.zeros(len(edges.count), dtype=np.int64), np.zeros(len(edges.count), dtype=np.int64)
+    last[edge] = slots  # of equal indices, numpy keeps the last value
+    first[edge[::-1]] = slots[::-1]
+    two = np.unique(edge) if len(edge) < edges.of_face.size else np.arange(len(edges.count))
+    two = two[edges.count[two] == 2]
+    simple = np.stack([first[two] // 3, first[two] % 3, last[two] // 3, last[two] % 3], axis=1)
+    many = edges.count[edge] > 2
+    if not many.any():
+        return simple, []
+    slots, edge = slots[many], edge[many]
+    order = np.argsort(edge, kind="stable")
+    face, corner = slots[order] // 3, slots[order] % 3
+    sign = _signs(faces[face])[np.arange(len(face)), corner].astype(np.int64)
+    starts = np.flatnonzero(np.diff(edge[order], prepend=-1))
+    return simple, np.split(np.stack([face, corner, sign], axis=1), starts[1:])
 
 
 def _paired(

@@ -13,9 +13,6 @@ from pipeline.core.mesh import FloatArray, IntArray, Mesh
 #: to single precision; bodies grow by that much where that makes them touch. Derived: 2^-24 for each of two
 #: walls, with a margin. A part of 100 mm grows by 0.05 micrometres.
 GAP_SHARE = 5e-7
-#: Triangles along the seams that are narrower than this many gaps are collapsed. Derived: two bodies grow, at
-#: corners by up to the square root of 3.
-SEAM_GAPS = 4.0
 #: The grown union is taken where it has less surface than the exact one, by more than this share. Derived:
 #: growth by `GAP_SHARE` changes less.
 LESS_AREA_SHARE = 1e-4
@@ -34,8 +31,9 @@ def united(bodies: Sequence[tuple[FloatArray, IntArray]], diagonal_mm: float) ->
         return None
     if grown is not None and grown.surface_area() < (1.0 - LESS_AREA_SHARE) * exact.surface_area():
         exact = grown
-    mesh = exact.simplify(SEAM_GAPS * gap_mm).to_mesh64()
-    return Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32))
+    mesh = exact.to_mesh64()  # not `simplify`: version 3.5.4 moves surfaces by more than its tolerance
+    vertices, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
+    return Mesh(vertices, faces)
 
 
 def _union(bodies: Sequence[tuple[FloatArray, IntArray]]) -> manifold3d.Manifold | None:

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix, csgraph
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.kernels import topology
-from pipeline.kernels.caps import without_caps
+from pipeline.kernels.caps import without_flat
 from pipeline.kernels.shells import Shells, closed_pieces, shells, signed_volumes, split_vertices
 from pipeline.kernels.solid_union import GAP_SHARE, united
 from pipeline.kernels.surface import Surface
@@ -24,6 +24,9 @@ THIN_VOID_SHARE = 1e-3
 #: A triangle of less area than this share of its longest edge squared has a corner on its opposite edge.
 #: Derived: above what `clean` drops, below rounding of single precision.
 CAP_AREA_SHARE = 1e-10
+#: Corners of such triangles are merged where they are nearer than this many gaps. Derived: two walls grow,
+#: and a corner of three walls by the square root of 3 more.
+SHORT_GAPS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +54,10 @@ def unite(
         return None
     report = _no_report()
     report["bodies_not_united"] = _open_that_meet(vertices, faces, closed)
-    one_piece = bool((pieces[closed] == pieces[closed.argmax()]).all())
-    if one_piece and not (edges.count[edges.of_face[closed]] > 2).any():
+    found = shells(vertices, faces, edges, closed, body)
+    if found.count == 1 and found.shared_edges == 0:
         apart = United(vertices, faces, np.arange(len(vertices)), report)
         return apart if report["bodies_not_united"] else None
-    found = shells(vertices, faces, edges, closed, body)
     source = np.arange(len(vertices))
     if found.shared_edges:
         source, faces = split_vertices(vertices, faces, found)
@@ -72,7 +74,7 @@ def unite(
         if union is None:
             report["bodies_not_united"] += len(group)
             continue
-        union = Mesh(union.vertices, without_caps(union.vertices, union.faces, CAP_AREA_SHARE))
+        union = _proper(union, SHORT_GAPS * GAP_SHARE * mesh.diagonal_mm)
         union, n_voids = _without_thin_voids(union, THIN_VOID_SHARE * mesh.diagonal_mm)
         internal_mm2 = float(areas[whole].sum() - union.face_areas_mm2().sum())
         if internal_mm2 < MEETING_SHARE * areas[whole].sum():
@@ -193,6 +195,17 @@ def _boxes(
 def _alone(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     used, index = np.unique(faces, return_inverse=True)
     return vertices[used], index.reshape(-1, 3).astype(np.int32)
+
+
+def _proper(union: Mesh, short_mm: float) -> Mesh:
+    """The union without triangles without area, and with two triangles at each edge."""
+    vertices, faces = without_flat(union.vertices, union.faces, CAP_AREA_SHARE, short_mm)
+    edges = topology.edges(faces)
+    closed = closed_pieces(faces, len(vertices), edges) >= 0
+    if (edges.count != 2).any() and closed.any():
+        source, faces = split_vertices(vertices, faces, shells(vertices, faces, edges, closed, None))
+        vertices = vertices[source]
+    return Mesh(vertices, faces)
 
 
 def _without_thin_voids(union: Mesh, thickness_mm: float) -> tuple[Mesh, int]:

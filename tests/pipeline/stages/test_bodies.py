@@ -97,6 +97,35 @@ def test_the_union_has_the_area_and_the_volume_of_the_formula(case: str, rotatio
     assert found.report["non_manifold_faces"] == 0
 
 
+def check_assembly(seed: int) -> None:
+    """Up to six boxes at whole coordinates meet in every way; the area and the volume are those of voxels."""
+    rng = np.random.default_rng(seed)
+    n, bodies = 8, []
+    voxels = np.zeros((n + 2,) * 3, dtype=np.bool_)
+    for _ in range(rng.integers(2, 7)):
+        low = rng.integers(0, n - 1, 3)
+        high = np.minimum(low + rng.integers(1, 5, 3), n)
+        voxels[tuple(slice(a + 1, b + 1) for a, b in zip(low, high, strict=True))] = True
+        bodies.append(box(tuple(low), tuple(high)))
+    area_mm2 = sum(int(np.abs(np.diff(voxels.astype(int), axis=k)).sum()) for k in range(3))
+    found = cleaned(soup(*bodies, rotation=ROTATION if seed % 2 else None))
+    assert found.mesh.face_areas_mm2().sum() == pytest.approx(area_mm2, rel=1e-4)
+    assert volume_mm3(found.mesh) == pytest.approx(voxels.sum(), rel=1e-4)
+    assert (topology.edges(found.mesh.faces).count == 2).all()
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_any_assembly_of_boxes_has_the_area_and_volume_of_its_voxels(seed: int) -> None:
+    check_assembly(seed)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("first", range(60, 1500, 60))
+def test_many_assemblies_of_boxes_have_the_area_and_volume_of_their_voxels(first: int) -> None:
+    for seed in range(first, first + 60):
+        check_assembly(seed)
+
+
 def test_without_the_setting_walls_stay() -> None:
     found = clean(soup(CUBE, KNOB), "design", CleanSettings(unite_bodies=False))
     assert found.mesh.face_areas_mm2().sum() == pytest.approx(600 + 192)
