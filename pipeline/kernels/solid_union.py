@@ -24,6 +24,9 @@ def united(bodies: Sequence[tuple[FloatArray, IntArray]], diagonal_mm: float) ->
 
     diagonal_mm : of the part, which rounding is relative to
     """
+    corners = np.stack([[vertices.min(axis=0), vertices.max(axis=0)] for vertices, _ in bodies])
+    centre = (corners[:, 0].min(axis=0) + corners[:, 1].max(axis=0)) / 2  # rounding is relative to the origin
+    bodies = [(vertices - centre, faces) for vertices, faces in bodies]
     exact = _union(bodies)
     gap_mm = GAP_SHARE * diagonal_mm
     grown = _union([(_grown(vertices, faces, gap_mm), faces) for vertices, faces in bodies])
@@ -33,7 +36,7 @@ def united(bodies: Sequence[tuple[FloatArray, IntArray]], diagonal_mm: float) ->
         exact = grown
     mesh = exact.to_mesh64()  # not `simplify`: version 3.5.4 moves surfaces by more than its tolerance
     vertices, faces = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)
-    return Mesh(vertices, faces)
+    return Mesh(vertices + centre, faces)
 
 
 def _union(bodies: Sequence[tuple[FloatArray, IntArray]]) -> manifold3d.Manifold | None:

@@ -15,7 +15,8 @@ def choose_part(contents: Contents, wanted: str | None) -> Contents:
     """The bodies of the parts that `wanted` names; all of them for None and `all`, with a note that lists
     them where there are several.
 
-    wanted : a name, a number from 1, several numbers (`1,3`), or `all`. A name counts before a number.
+    wanted : a name, a number from 1, several numbers (`1,3`), or `all`. A name counts before a number. Where
+        the file has one part, it names one of its components
 
     Raises
     ------
@@ -25,6 +26,8 @@ def choose_part(contents: Contents, wanted: str | None) -> Contents:
     names, owner = _parts(contents)
     if len(names) < 2 and wanted in (None, "all"):
         return contents
+    if len(names) < 2 and len(owner) > 1:  # one item of several components
+        names, owner = [body.name for body in used_bodies(contents)], list(range(len(owner)))
     if wanted is None or wanted == "all":
         detail = (
             f"the file has {len(names)} parts ({_listed(names)}), and all of them are read as one; "

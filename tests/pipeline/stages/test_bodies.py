@@ -126,6 +126,13 @@ def test_many_assemblies_of_boxes_have_the_area_and_volume_of_their_voxels(first
         check_assembly(seed)
 
 
+def test_far_from_the_origin_the_union_is_the_same() -> None:
+    near = cleaned(soup(CUBE, KNOB)).mesh
+    far = cleaned(Mesh(soup(CUBE, KNOB).vertices + 1e7, soup(CUBE, KNOB).faces)).mesh
+    np.testing.assert_array_equal(near.faces, far.faces)
+    np.testing.assert_allclose(far.vertices - 1e7, near.vertices, atol=1e-6)
+
+
 def test_without_the_setting_walls_stay() -> None:
     found = clean(soup(CUBE, KNOB), "design", CleanSettings(unite_bodies=False))
     assert found.mesh.face_areas_mm2().sum() == pytest.approx(600 + 192)

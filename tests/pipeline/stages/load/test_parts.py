@@ -10,6 +10,8 @@ from pipeline import MeshFile, errors
 from pipeline.analysis.design_model import fingerprint
 from pipeline.core.settings import LoadSettings, Settings
 from pipeline.stages.load import Loaded, load
+from pipeline.stages.load.contents import Body, Contents, FilePart
+from pipeline.stages.load.parts import choose_part
 from tests.support import shapes
 
 #: Boxes apart, each with a volume of its own.
@@ -109,6 +111,19 @@ def test_a_name_of_several_parts_needs_the_number(tmp_path: Path) -> None:
     with pytest.raises(errors.PartNotFound, match="2 parts are named 'bracket': 1 bracket, 2 bracket"):
         load(MeshFile(path, part="bracket"), "design", LoadSettings(), needs_surface=True)
     assert sizes(load(MeshFile(path, part="2"), "design", LoadSettings(), needs_surface=True)) == [2.0]
+
+
+def test_a_component_of_the_only_part_is_chosen() -> None:
+    part = FilePart(0, "assembly")
+    bodies = tuple(
+        Body(shapes.box(size).vertices, shapes.box(size).faces.astype(np.int64), name, part)
+        for name, size in SIZES.items()
+    )
+    assert choose_part(Contents(bodies), None).notes == ()
+    assert [body.name for body in choose_part(Contents(bodies), "cover").bodies] == ["cover"]
+    assert [body.name for body in choose_part(Contents(bodies), "3").bodies] == ["pin 3"]
+    with pytest.raises(errors.PartNotFound, match="1 bracket, 2 cover, 3 pin 3"):
+        choose_part(Contents(bodies), "assembly 2")
 
 
 def test_a_name_counts_before_a_number(tmp_path: Path) -> None:
