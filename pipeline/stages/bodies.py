@@ -7,14 +7,13 @@ cavities. Bodies that do not meet, and surfaces that are not closed, stay as the
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix, csgraph
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.kernels import topology
 from pipeline.kernels.caps import without_flat
+from pipeline.kernels.nesting import alone, boxes, meeting, meets_any, smallest_around
 from pipeline.kernels.shells import Shells, closed_pieces, shells, signed_volumes, split_vertices
 from pipeline.kernels.solid_union import GAP_SHARE, united
-from pipeline.kernels.surface import Surface
 
 #: Bodies meet when less than this share of their surface is left after the union. Derived: rounding.
 MEETING_SHARE = 1e-6
@@ -27,6 +26,14 @@ CAP_AREA_SHARE = 1e-10
 #: Corners of such triangles are merged where they are nearer than this many gaps. Derived: two walls grow,
 #: and a corner of three walls by the square root of 3 more.
 SHORT_GAPS = 4.0
+
+
+#: A void of the union that has the volume of a cavity to this share is that cavity. Derived: growth by the gap
+#: changes a cavity of a hundredth of the diagonal by less.
+SAME_VOLUME = 1e-3
+#: Of more triangles than this, bodies of less area than `SMALL_SHARE` of all are not united: specks of a CT
+#: scan, in the pores of the part. Chosen by hand; a union of that size takes seconds.
+MANY_FACES, SMALL_SHARE = 500_000, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,19 +74,24 @@ def unite(
     areas = mesh.face_areas_mm2()
     kept, added = np.ones(len(faces), dtype=np.bool_), list[Mesh]()
     report["turned_faces"] = turned
-    for group in _groups(vertices, faces, found, parent, GAP_SHARE * mesh.diagonal_mm):
-        members = [np.isin(found.of_face, np.flatnonzero(parent == each)) for each in group]
-        whole = np.logical_or.reduce(members)
-        union = united([_alone(vertices, faces[mine]) for mine in members], mesh.diagonal_mm)
+    volume = signed_volumes(vertices, faces[closed], found.of_face[closed], found.count)
+    order = np.argsort(np.where(closed, parent[found.of_face], -1), kind="stable")
+    ends = np.cumsum(np.bincount(parent[found.of_face[closed]], minlength=found.count)) + int((~closed).sum())
+    for group in _groups(mesh, found, parent):
+        members = [order[ends[each - 1] if each else int((~closed).sum()) : ends[each]] for each in group]
+        union = united([alone(vertices, faces[mine]) for mine in members], mesh.diagonal_mm)
         if union is None:
             report["bodies_not_united"] += len(group)
             continue
+        before = np.concatenate(members)
         union = _proper(union, SHORT_GAPS * GAP_SHARE * mesh.diagonal_mm)
-        union, n_voids = _without_thin_voids(union, THIN_VOID_SHARE * mesh.diagonal_mm)
-        internal_mm2 = float(areas[whole].sum() - union.face_areas_mm2().sum())
-        if internal_mm2 < MEETING_SHARE * areas[whole].sum():
+        cavities = np.flatnonzero(np.isin(parent, group) & (volume < 0))
+        thin_mm = THIN_VOID_SHARE * mesh.diagonal_mm
+        union, n_voids = _without_thin_voids(union, thin_mm, volume[cavities])
+        internal_mm2 = float(areas[before].sum() - union.face_areas_mm2().sum())
+        if internal_mm2 < MEETING_SHARE * areas[before].sum():
             continue
-        kept &= ~whole
+        kept[before] = False
         added.append(union)
         report["united_bodies"] += len(group)
         report["internal_area_mm2"] += internal_mm2
@@ -110,7 +122,7 @@ def _oriented(vertices: FloatArray, faces: IntArray, found: Shells) -> tuple[Int
     parent = np.arange(n_shells)
     if (volume >= 0).all():
         return faces, parent, 0
-    around = _smallest_around(vertices, faces, found, volume)
+    around = smallest_around(vertices, faces, found, volume)
     inside_out = np.zeros(n_shells, dtype=np.bool_)
     for each in np.argsort(-np.abs(volume), kind="stable"):  # the outer ones first
         out = int(around[each])
@@ -124,46 +136,17 @@ def _oriented(vertices: FloatArray, faces: IntArray, found: Shells) -> tuple[Int
     return np.where(turn[:, None], faces[:, ::-1], faces).astype(np.int32), parent, int(turn.sum())
 
 
-def _smallest_around(vertices: FloatArray, faces: IntArray, found: Shells, volume: FloatArray) -> IndexArray:
-    """(s,) the shell of least volume that each shell lies within, -1 if there is none."""
-    closed = np.flatnonzero(found.of_face >= 0)
-    low, high = _boxes(vertices, faces[closed], found.of_face[closed], found.count)
-    _, first = np.unique(found.of_face[closed], return_index=True)
-    point = vertices[faces[closed[first]]].mean(axis=1)
-    size = np.abs(volume)
-    around = np.full(found.count, -1)
-    for outer in np.argsort(size, kind="stable"):
-        inner = (low[outer] <= low).all(axis=1) & (high[outer] >= high).all(axis=1)
-        inner = np.flatnonzero(inner & (size < size[outer]) & (around < 0))
-        if len(inner):
-            surface = Surface(Mesh(*_alone(vertices, faces[found.of_face == outer])))
-            closest = surface.closest(point[inner])
-            depth = surface.signed_distance(point[inner], closest) * np.sign(volume[outer])
-            around[inner[depth < 0]] = outer
-    return around
-
-
-def _groups(
-    vertices: FloatArray, faces: IntArray, found: Shells, parent: IndexArray, gap_mm: float
-) -> list[IndexArray]:
-    """Bodies whose boxes meet, two or more in a group."""
+def _groups(mesh: Mesh, found: Shells, parent: IndexArray) -> list[IndexArray]:
+    """Bodies whose boxes meet, two or more in a group; without the smallest of a large mesh."""
     closed = found.of_face >= 0
-    low, high = _boxes(vertices, faces[closed], found.of_face[closed], found.count)
+    shell = found.of_face[closed]
     bodies = np.flatnonzero(parent == np.arange(found.count))
-    bodies = bodies[np.argsort(low[bodies, 0], kind="stable")]
-    low, high = low[bodies] - gap_mm, high[bodies] + gap_mm
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
-    for at in range(len(bodies) - 1):
-        last = int(np.searchsorted(low[:, 0], high[at, 0], side="right"))
-        near = np.arange(at + 1, max(last, at + 1))
-        meet = (low[near] <= high[at]).all(axis=1) & (high[near] >= low[at]).all(axis=1)
-        pairs.append(np.stack([np.full(int(meet.sum()), at), near[meet]], axis=1))
-    joined = np.concatenate(pairs)
-    ones = np.ones(len(joined), dtype=np.int8)
-    graph = coo_matrix((ones, (joined[:, 0], joined[:, 1])), shape=(len(bodies), len(bodies)))
-    group = csgraph.connected_components(graph, directed=False)[1]
-    members = [np.sort(bodies[group == each]) for each in np.flatnonzero(np.bincount(group) > 1)]
-    return sorted(members, key=lambda each: int(each[0]))
+    if len(shell) > MANY_FACES:
+        areas = np.bincount(shell, weights=mesh.face_areas_mm2()[closed], minlength=found.count)
+        bodies = bodies[areas[bodies] > SMALL_SHARE * areas.sum()]
+    low, high = boxes(mesh.vertices, mesh.faces[closed], shell, found.count)
+    gap_mm = GAP_SHARE * mesh.diagonal_mm
+    return [bodies[group] for group in meeting(low[bodies] - gap_mm, high[bodies] + gap_mm)]
 
 
 def _open_that_meet(vertices: FloatArray, faces: IntArray, closed: BoolArray) -> int:
@@ -171,30 +154,9 @@ def _open_that_meet(vertices: FloatArray, faces: IntArray, closed: BoolArray) ->
     if closed.all():
         return 0
     piece = topology.vertex_components(faces, len(vertices))[faces[:, 0]].astype(np.int64)
-    low, high = _boxes(vertices, faces, piece, int(piece.max()) + 1)
-    solid = np.zeros(len(low), dtype=np.bool_)
-    solid[piece[closed]] = True
-    inside_any = [
-        ((low[each] <= high[solid]).all(axis=1) & (high[each] >= low[solid]).all(axis=1)).any()
-        for each in np.unique(piece[~closed])
-    ]
-    return sum(map(int, inside_any))
-
-
-def _boxes(
-    vertices: FloatArray, faces: IntArray, shell: IndexArray, n_shells: int
-) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corner (s, 3) of each shell."""
-    low, high = np.full((n_shells, 3), np.inf), np.full((n_shells, 3), -np.inf)
-    for k in range(3):
-        np.minimum.at(low, shell, vertices[faces[:, k]])
-        np.maximum.at(high, shell, vertices[faces[:, k]])
-    return low, high
-
-
-def _alone(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    used, index = np.unique(faces, return_inverse=True)
-    return vertices[used], index.reshape(-1, 3).astype(np.int32)
+    low, high = boxes(vertices, faces, piece, int(piece.max()) + 1)
+    solid, open_ = np.unique(piece[closed]), np.unique(piece[~closed])
+    return int(meets_any(low[open_], high[open_], low[solid], high[solid]).sum())
 
 
 def _proper(union: Mesh, short_mm: float) -> Mesh:
@@ -208,17 +170,20 @@ def _proper(union: Mesh, short_mm: float) -> Mesh:
     return Mesh(vertices, faces)
 
 
-def _without_thin_voids(union: Mesh, thickness_mm: float) -> tuple[Mesh, int]:
-    """The union without the shells of voids thinner than `thickness_mm`, and how many there were."""
+def _without_thin_voids(union: Mesh, thickness_mm: float, cavities_mm3: FloatArray) -> tuple[Mesh, int]:
+    """The union without the shells of voids between its bodies thinner than `thickness_mm`, and how many there
+    were. cavities_mm3 : signed volumes of the cavities that the bodies have themselves, which stay
+    """
     shell = topology.vertex_components(union.faces, len(union.vertices))[union.faces[:, 0]].astype(np.int64)
     n_shells = int(shell.max()) + 1
     if n_shells == 1:
         return union, 0
     volume = signed_volumes(union.vertices, union.faces, shell, n_shells)
     area = np.bincount(shell, weights=union.face_areas_mm2(), minlength=n_shells)
-    thin = np.flatnonzero((volume < 0) & (-2.0 * volume < thickness_mm * area))
+    own = np.isclose(volume[:, None], cavities_mm3, rtol=SAME_VOLUME, atol=0.0).any(axis=1)
+    thin = np.flatnonzero((volume < 0) & ~own & (-2.0 * volume < thickness_mm * area))
     keep: BoolArray = ~np.isin(shell, thin)
-    return Mesh(*_alone(union.vertices, union.faces[keep])), len(thin)
+    return Mesh(*alone(union.vertices, union.faces[keep])), len(thin)
 
 
 def _assembled(

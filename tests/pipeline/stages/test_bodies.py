@@ -133,6 +133,13 @@ def test_far_from_the_origin_the_union_is_the_same() -> None:
     np.testing.assert_allclose(far.vertices - 1e7, near.vertices, atol=1e-6)
 
 
+def test_a_thin_cavity_of_a_body_that_meets_another_stays() -> None:
+    slot = box((3, 3, 5), (7, 7, 5.002), inwards=True)  # thinner than voids that are filled
+    found = cleaned(soup(CUBE, slot, KNOB))
+    assert found.mesh.face_areas_mm2().sum() == pytest.approx(720 + 2 * 16 + 4 * 4 * 0.002, rel=1e-6)
+    assert found.report["filled_voids"] == 0
+
+
 def test_without_the_setting_walls_stay() -> None:
     found = clean(soup(CUBE, KNOB), "design", CleanSettings(unite_bodies=False))
     assert found.mesh.face_areas_mm2().sum() == pytest.approx(600 + 192)
