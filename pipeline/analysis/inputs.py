@@ -80,9 +80,7 @@ class InputMesh:
                 f"surface ({100 * share:.1f} %) lies inside the part, is left out and is not measured"
             )
             if filled := int(report["filled_voids"]):
-                detail += (
-                    f"; {filled} thin voids between them, where they are tessellated differently, are filled"
-                )
+                detail += f"; {filled} thin voids between them, of unlike triangles, are filled"
             notes.append(Note(code="bodies_united", detail=detail))
         # the pieces of a scan are open because the scanner saw no more
         if self.name == "design" and (apart := int(report.get("bodies_not_united", 0))):

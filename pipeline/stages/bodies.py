@@ -28,8 +28,8 @@ CAP_AREA_SHARE = 1e-10
 SHORT_GAPS = 4.0
 
 
-#: A void of the union that has the volume of a cavity to this share is that cavity. Derived: growth by the gap
-#: changes a cavity of a hundredth of the diagonal by less.
+#: A void of the union that has the volume of a cavity to this share is that cavity. Derived: growth by the
+#: gap changes a cavity of a hundredth of the diagonal by less.
 SAME_VOLUME = 1e-3
 #: Of more triangles than this, bodies of less area than `SMALL_SHARE` of all are not united: specks of a CT
 #: scan, in the pores of the part. Chosen by hand; a union of that size takes seconds.
@@ -171,8 +171,8 @@ def _proper(union: Mesh, short_mm: float) -> Mesh:
 
 
 def _without_thin_voids(union: Mesh, thickness_mm: float, cavities_mm3: FloatArray) -> tuple[Mesh, int]:
-    """The union without the shells of voids between its bodies thinner than `thickness_mm`, and how many there
-    were. cavities_mm3 : signed volumes of the cavities that the bodies have themselves, which stay
+    """The union without the shells of voids between its bodies thinner than `thickness_mm`, and how many
+    there were. cavities_mm3 : signed volumes of the cavities that the bodies have themselves, which stay
     """
     shell = topology.vertex_components(union.faces, len(union.vertices))[union.faces[:, 0]].astype(np.int64)
     n_shells = int(shell.max()) + 1
