@@ -55,8 +55,11 @@ def _scene(kind: str) -> bytes:
 FILES = {"obj": _obj, "stl": _stl, "glb": lambda: _scene("glb"), "3mf": lambda: _scene("3mf")}
 
 
+FILES["obj groups"] = lambda: _obj().replace(b"o ", b"g ")
+
+
 def read(tmp_path: Path, kind: str, part: str | None) -> Loaded:
-    path = tmp_path / f"parts.{kind}"
+    path = tmp_path / f"parts.{kind.split()[0]}"
     path.write_bytes(FILES[kind]())
     return load(MeshFile(path, unit="mm", part=part), "design", LoadSettings(), needs_surface=True)
 
@@ -124,6 +127,17 @@ def test_a_component_of_the_only_part_is_chosen() -> None:
     assert [body.name for body in choose_part(Contents(bodies), "3").bodies] == ["pin 3"]
     with pytest.raises(errors.PartNotFound, match="1 bracket, 2 cover, 3 pin 3"):
         choose_part(Contents(bodies), "assembly 2")
+
+
+def test_groups_of_one_closed_surface_are_one_part(tmp_path: Path) -> None:
+    box = shapes.box()
+    lines = [f"v {x} {y} {z}" for corners in box.vertices[box.faces] for x, y, z in corners]
+    for face in range(len(box.faces)):
+        lines += [f"g face{face // 2}", f"f {3 * face + 1} {3 * face + 2} {3 * face + 3}"]
+    path = tmp_path / "faces.obj"
+    path.write_text("\n".join(lines))
+    loaded = load(MeshFile(path), "design", LoadSettings(), needs_surface=True)
+    assert loaded.notes == () and loaded.body_of_face is None
 
 
 def test_a_name_counts_before_a_number(tmp_path: Path) -> None:
