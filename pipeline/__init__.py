@@ -13,6 +13,7 @@ from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
 from pipeline.core.mesh_file import MeshFile
+from pipeline.core.point_columns import PointColumns
 from pipeline.core.progress import OnProgress, Progress, Stage
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.settings import Detector, Settings, StudyKind, StudySettings, Unit
@@ -25,6 +26,7 @@ __all__ = [
     "MeshFile",
     "OnProgress",
     "PipelineError",
+    "PointColumns",
     "Progress",
     "RegistrationResult",
     "SegmentsResult",

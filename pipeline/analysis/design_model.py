@@ -138,5 +138,5 @@ def fingerprint(file: MeshFile, settings: Settings, seed: int) -> str:
     # what changes nothing of the analysis of a design
     later = {"registration", "deviation", "study", "report"}
     method = settings.model_dump(mode="json", exclude=later)
-    sources = [content_sha256, ending, file.unit, method, seed, code_fingerprint()]
+    sources = [content_sha256, ending, file.unit, file.part, file.columns, method, seed, code_fingerprint()]
     return hashlib.sha256(json.dumps(sources, sort_keys=True).encode()).hexdigest()

@@ -54,6 +54,7 @@ class InputMesh:
     def warnings(self) -> list[Note]:
         """What cleaning changed that a person should look at."""
         notes, report = list(self.loaded.notes), self.cleaned.report
+        notes += self._bodies()
         dropped = int(report.get("non_manifold_faces", 0))
         if dropped:
             detail = (
@@ -67,6 +68,28 @@ class InputMesh:
             detail = f"{self.name}: a point cloud; a surface was reconstructed for the analysis only"
             notes.append(Note(code="point_cloud", detail=detail))
         return [*notes, *(note for strays in self.strays for note in strays.notes(self.name))]
+
+    def _bodies(self) -> list[Note]:
+        """What became of bodies that touch or overlap."""
+        report, notes = self.cleaned.report, []
+        if united := int(report.get("united_bodies", 0)):
+            area_mm2 = float(report["internal_area_mm2"])
+            share = area_mm2 / (area_mm2 + float(self.mesh.face_areas_mm2().sum()))
+            detail = (
+                f"{self.name}: {united} bodies touch or overlap and were united; {area_mm2:.4g} mm² of their "
+                f"surface ({100 * share:.1f} %) lies inside the part, is left out and is not measured"
+            )
+            if filled := int(report["filled_voids"]):
+                detail += f"; {filled} thin voids between them, of unlike triangles, are filled"
+            notes.append(Note(code="bodies_united", detail=detail))
+        # the pieces of a scan are open because the scanner saw no more
+        if self.name == "design" and (apart := int(report.get("bodies_not_united", 0))):
+            detail = (
+                f"{self.name}: {apart} surfaces that may touch or overlap others are not closed, or "
+                "cannot be united; walls between them stay, and count as surface to compare with"
+            )
+            notes.append(Note(code="bodies_not_united", detail=detail))
+        return notes
 
 
 def read_mesh(
@@ -82,5 +105,5 @@ def read_mesh(
     with timer.stage(Stage.LOAD, name):
         loaded = load(file, name, settings.load, needs_surface=needs_surface)
     with timer.stage(Stage.CLEAN, name):
-        cleaned, specks = without_specks(clean(loaded.mesh, name, settings.clean))
+        cleaned, specks = without_specks(clean(loaded.mesh, name, settings.clean, loaded.body_of_face))
         return InputMesh(name, loaded, cleaned, (specks,) if specks.any else ())

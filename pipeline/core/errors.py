@@ -80,6 +80,18 @@ class NoSurface(PipelineError):
     default_remedy = "a design needs triangles: export it as a mesh, not as a point cloud"
 
 
+class PartNotFound(PipelineError):
+    code = "part_not_found"
+    default_remedy = "send the name or the number of one of them in options.design_part, or all"
+
+
+class ColumnsUnfit(PipelineError):
+    code = "columns_unfit"
+    default_remedy = (
+        "name the columns as they are in options.columns, such as id,x,y,z, or leave the option out"
+    )
+
+
 class UnitUnknown(PipelineError):
     code = "unit_unknown"
     default_remedy = "set the unit of the file in options.units: mm, cm, m or inch"

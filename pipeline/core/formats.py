@@ -8,7 +8,8 @@ import re
 from enum import StrEnum
 from pathlib import PurePath
 
-from pipeline.core.errors import EmptyFile, TruncatedFile, UnknownFormat
+from pipeline.core.errors import EmptyFile, TruncatedFile, UnknownFormat, UnreadableFile
+from pipeline.core.foreign_files import Foreign, by_ending, foreign_file, foreign_zip
 
 #: Bytes at the start of a file that `detect_format` needs.
 HEAD_BYTES = 4096
@@ -74,7 +75,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
 
     Raises
     ------
-    EmptyFile, TruncatedFile (a binary STL shorter than its header announces), UnknownFormat
+    EmptyFile, TruncatedFile (a binary STL shorter than its header announces), UnreadableFile (zeros only),
+    UnknownFormat
     """
     if size == 0:
         raise EmptyFile("the file is empty", mesh=mesh)
@@ -85,11 +87,20 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
     if head.startswith(b"glTF") or (text.startswith(b"{") and _GLTF_KEY.search(text)):
         return Format.GLB
     if head.startswith(b"PK\x03\x04"):
+        _refuse(foreign_zip(head, suffix), mesh)
         return Format.THREE_MF
     if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):
         return Format.OFF
     if _is_text_stl(text, suffix):
         return Format.STL
+    if not _has_size_of_stl(head, size):
+        _refuse(foreign_file(head, text, suffix), mesh)
+    if len(head) == HEAD_BYTES and not any(head):
+        raise UnreadableFile(
+            f"the first {HEAD_BYTES} bytes are all zero, as where a copy or download failed",
+            mesh=mesh,
+            remedy="copy or download the file again",
+        )
     if _is_binary_stl(head, size, suffix, mesh):
         return Format.STL
     if b"\0" not in text:
@@ -97,8 +108,21 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
             return Format.OBJ
         if _is_point_text(text, suffix, whole=size <= len(head)):
             return Format.XYZ
+    _refuse(by_ending(suffix), mesh)
     extension = f" (file name extension {suffix!r})" if suffix else ""
     raise UnknownFormat(f"the content is not in a supported mesh format{extension}", mesh=mesh)
+
+
+def _refuse(foreign: Foreign | None, mesh: str | None) -> None:
+    if foreign is not None:
+        raise UnknownFormat(f"the file is {foreign.what}", mesh=mesh, remedy=foreign.remedy)
+
+
+def _has_size_of_stl(head: bytes, size: int) -> bool:
+    """Whether the size is exactly that of a binary STL, which has no signature and any text at its start."""
+    if len(head) < STL_HEADER_BYTES:
+        return False
+    return size == STL_HEADER_BYTES + STL_FACE_BYTES * int.from_bytes(head[80:84], "little")
 
 
 def _is_text_stl(text: bytes, suffix: str) -> bool:
@@ -164,9 +188,9 @@ def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> boo
                 f"a binary STL has a header of 84 bytes, but the file has {size} bytes", mesh=mesh
             )
         return False
-    announced = int.from_bytes(head[80:84], "little")
-    if size == STL_HEADER_BYTES + STL_FACE_BYTES * announced:
+    if _has_size_of_stl(head, size):
         return True
+    announced = int.from_bytes(head[80:84], "little")
     if announced == STL_UNKNOWN_COUNT and size > STL_HEADER_BYTES:
         announced = 0  # written to a stream: the size says how many; the reader checks it
     if suffix != ".stl" or _looks_like_text(head):

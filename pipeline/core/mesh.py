@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,13 +13,15 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int32]
 IndexArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)  # no slots: areas and normals are cached
 class Mesh:
     """A triangle mesh in millimetres; without faces, a point cloud.
 
-    vertices : (n, 3) float64 mm, finite; faces : (m, 3) int32 in [0, n). Both become read-only.
+    vertices : (n, 3) float64 mm, finite; faces : (m, 3) int32 in [0, n). Both are read-only: copies, but of
+    arrays that nobody can write to.
 
     Raises
     ------
@@ -30,10 +32,10 @@ class Mesh:
     faces: IntArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int32))
 
     def __post_init__(self) -> None:
-        vertices = np.array(self.vertices, dtype=np.float64, order="C").reshape(-1, 3)
+        vertices = _own(np.asarray(self.vertices, dtype=np.float64).reshape(-1, 3), self.vertices)
         indices = np.asarray(self.faces).reshape(-1, 3)
-        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-        if bad.size:
+        if not np.isfinite([vertices.min(initial=0.0), vertices.max(initial=0.0)]).all():
+            bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
             raise NotFinite(
                 f"{bad.size} of {len(vertices)} vertices are NaN or infinite; the first has index {bad[0]}"
             )
@@ -43,7 +45,7 @@ class Mesh:
                 f"triangle {face} refers to vertices {indices[face].tolist()}, "
                 f"but the mesh has {len(vertices)} vertices"
             )
-        faces = np.array(indices, dtype=np.int32, order="C")
+        faces = _own(indices.astype(np.int32, copy=False), self.faces)
         vertices.flags.writeable = False
         faces.flags.writeable = False
         object.__setattr__(self, "vertices", vertices)
@@ -109,3 +111,22 @@ class Mesh:
     def moved(self, T_target_mesh: FloatArray) -> "Mesh":
         """The same mesh in another frame: `p_target = T_target_mesh @ p`."""
         return Mesh(self.vertices @ T_target_mesh[:3, :3].T + T_target_mesh[:3, 3], self.faces)
+
+
+def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The same array, which nobody can write to any more: `Mesh` takes it without a copy."""
+    at: Any = array
+    while isinstance(at, np.ndarray):
+        at.flags.writeable = False
+        at = at.base
+    return array
+
+
+def _own(array: npt.NDArray[_Scalar], source: npt.NDArray[Any]) -> npt.NDArray[_Scalar]:
+    """`array` in C order, a copy where it shares memory with `source` and somebody can write to that."""
+    array = np.ascontiguousarray(array)
+    at: Any = source
+    while isinstance(at, np.ndarray) and not at.flags.writeable:
+        at = at.base
+    is_shared = isinstance(at, np.ndarray) and np.may_share_memory(array, source)
+    return array.copy() if is_shared else array

@@ -11,6 +11,7 @@ from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.core.settings import CleanSettings
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.rows import group_rows
+from pipeline.stages.bodies import unite
 
 #: Min number of triangles: a tetrahedron is the smallest closed surface (derived).
 MIN_FACES = 4
@@ -23,8 +24,9 @@ DEGENERATE_AREA_SHARE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Cleaned:
-    """mesh : the kept part; old_of_new : (n,) int64 with `old.vertices[old_of_new] == mesh.vertices`;
-    report : what was removed, by kind, for `provenance.inputs.<mesh>.cleaning`
+    """mesh : the kept part; old_of_new : (n,) int64 with `old.vertices[old_of_new] == mesh.vertices`, -1 of a
+    vertex that the union of bodies made; report : what was removed, by kind, for
+    `provenance.inputs.<mesh>.cleaning`
     """
 
     mesh: Mesh
@@ -32,9 +34,11 @@ class Cleaned:
     report: dict[str, int | float]
 
 
-def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
-    """Merge bit-equal vertices (first occurrence first), then drop degenerate and duplicate faces, faces at
-    non-manifold edges, small components and unused vertices.
+def clean(mesh: Mesh, name: str, settings: CleanSettings, body_of_face: IntArray | None = None) -> Cleaned:
+    """Merge bit-equal vertices (first occurrence first), unite closed bodies that meet, then drop degenerate
+    and duplicate faces, faces at non-manifold edges, small components and unused vertices.
+
+    body_of_face : (m,) body of each face as the file has them, None of one body
 
     Raises
     ------
@@ -54,14 +58,26 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
     weld_mm = settings.weld_share * mesh.diagonal_mm
     faces, report["welded_vertices"] = _welded(vertices, faces, edges.of(faces), weld_mm)
 
-    faces, report["degenerate_faces"] = _keep(faces, ~_degenerate(Mesh(vertices, faces)))
+    old_of_new, total = first, len(faces)
+    if settings.unite_bodies:
+        whole = ~_has_repeated(faces)
+        faces = faces[whole]
+        united = unite(
+            vertices, faces, edges.of(faces), None if body_of_face is None else body_of_face[whole]
+        )
+        if united is not None:
+            vertices, faces = united.vertices, united.faces
+            old_of_new = np.where(united.old_of_new < 0, -1, first[united.old_of_new])
+            report |= united.report
+            total = len(faces) + int((~whole).sum())
+    faces, _ = _keep(faces, ~_degenerate(Mesh(vertices, faces)))
+    report["degenerate_faces"] = total - len(faces)
     faces, report["duplicate_faces"] = _keep(faces, _first_of_each(np.sort(faces, axis=1)))
     if len(faces) < MIN_FACES:
         raise DegenerateMesh(
             f"{len(faces)} of {report['faces_in']} triangles have an area; at least {MIN_FACES} are required",
             mesh=name,
         )
-    old_of_new = first
     report["non_manifold_faces"] = 0
     if settings.repair_non_manifold and (edges.of(faces).count > 2).any():
         before = len(faces)
@@ -71,7 +87,9 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings) -> Cleaned:
     faces, report["small_components"] = _drop_small_components(
         Mesh(vertices, faces), settings.min_component_share
     )
-    vertices, faces, old_of_new, report["turned_faces"] = _oriented(vertices, faces, old_of_new, edges)
+    already = int(report.get("turned_faces", 0))
+    vertices, faces, old_of_new, turned = _oriented(vertices, faces, old_of_new, edges)
+    report["turned_faces"] = already + turned
 
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[faces.ravel()] = True
@@ -132,10 +150,13 @@ def _degenerate(mesh: Mesh) -> BoolArray:
     """(m,) faces without a normal: with a repeated vertex, or with a height below rounding."""
     corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    repeated = (mesh.faces == np.roll(mesh.faces, 1, axis=1)).any(axis=1)
-    return np.asarray(
-        repeated | (mesh.face_areas_mm2() <= DEGENERATE_AREA_SHARE * longest**2), dtype=np.bool_
-    )
+    flat = mesh.face_areas_mm2() <= DEGENERATE_AREA_SHARE * longest**2
+    return np.asarray(_has_repeated(mesh.faces) | flat, dtype=np.bool_)
+
+
+def _has_repeated(faces: IntArray) -> BoolArray:
+    """(m,) faces with a vertex twice."""
+    return np.asarray((faces == np.roll(faces, 1, axis=1)).any(axis=1))
 
 
 def _first_of_each(rows: IntArray) -> BoolArray:

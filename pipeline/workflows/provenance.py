@@ -10,7 +10,16 @@ from pipeline.core.settings import Settings
 from pipeline.search import schedule
 from pipeline.verification import thresholds
 
-LIBRARIES = ("numpy", "open3d-cpu", "pymeshlab", "scikit-learn", "scipy", "trimesh", "weasyprint")
+LIBRARIES = (
+    "manifold3d",
+    "numpy",
+    "open3d-cpu",
+    "pymeshlab",
+    "scikit-learn",
+    "scipy",
+    "trimesh",
+    "weasyprint",
+)
 
 
 def provenance(inputs: Inputs, settings: Settings, seed: int) -> Provenance:

@@ -99,6 +99,10 @@ MESH_ERRORS: list[PipelineError] = [
     ),
     mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
     mesh.NoSurface("the file has points but no triangles", mesh="design"),
+    mesh.PartNotFound("there is no part 'lid'; the file has 2: 1 bracket, 2 cover", mesh="design"),
+    mesh.ColumnsUnfit(
+        "line 1 has no numbers in the columns that options.columns states: '1 0.5'", mesh="scan"
+    ),
     mesh.UnitUnknown("the 3MF file declares the unit 'league'", mesh="design"),
     mesh.DegenerateMesh("the surface has no area", mesh="scan"),
     mesh.TooFewPoints("3 points are left after cleaning, 10 are needed", mesh="scan"),
@@ -152,6 +156,8 @@ def _registration() -> RegistrationRequest:
             units=Units(design="mm", scan="m"),
             tolerance_mm=0.1,
             scan_accuracy_mm=0.02,
+            design_part="2",
+            columns="id,x,y,z",
             seed=7,
             label="bracket-0042",
         ),

@@ -44,6 +44,12 @@ Tolerance = Annotated[float | None, typer.Option(help="limit for the shares with
 ScanAccuracy = Annotated[
     float | None, typer.Option(help="accuracy of the scanner, one sigma, as its maker states it")
 ]
+DesignPart = Annotated[
+    str | None, typer.Option(help="part of a design file with several: name, number from 1, or all")
+]
+Columns = Annotated[
+    str | None, typer.Option(help="columns of a scan that is a text of points: id,x,y,z or 2,3,4")
+]
 
 
 def register(
@@ -53,6 +59,8 @@ def register(
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
     scan_accuracy_mm: ScanAccuracy = None,
+    design_part: DesignPart = None,
+    columns: Columns = None,
     unit_design: UnitOption = "auto",
     unit_scan: UnitOption = "auto",
     seed: Seed = 0,
@@ -76,14 +84,16 @@ def register(
         settings=settings,
         tolerance_mm=tolerance_mm,
         scan_accuracy_mm=scan_accuracy_mm,
+        design_part=design_part,
+        columns=columns,
     )
     try:
         options = parse_options(options_document)
         with progress_bar() as bar:
             task = bar.add_task("starting", total=100.0)
             result = register_meshes(
-                MeshFile(design, unit=options.units.design, filename=design.name),
-                MeshFile(scan, unit=options.units.scan, filename=scan.name),
+                MeshFile(design, unit=options.units.design, filename=design.name, part=options.design_part),
+                MeshFile(scan, unit=options.units.scan, filename=scan.name, columns=options.columns),
                 settings=resolve_settings(options),
                 tolerance_mm=options.tolerance_mm,
                 scan_accuracy_mm=options.scan_accuracy_mm,
@@ -116,6 +126,8 @@ def submit(
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
     scan_accuracy_mm: ScanAccuracy = None,
+    design_part: DesignPart = None,
+    columns: Columns = None,
     unit_design: UnitOption = "auto",
     unit_scan: UnitOption = "auto",
     unit: Annotated[str, typer.Option(help="unit of the one mesh: auto, mm, cm, m or inch")] = "auto",
@@ -142,6 +154,8 @@ def submit(
         settings=settings,
         tolerance_mm=tolerance_mm,
         scan_accuracy_mm=scan_accuracy_mm,
+        design_part=design_part,
+        columns=columns,
     )
     try:
         kind = parse_type(job_type)

@@ -33,12 +33,12 @@ def options_of(
     seed: int,
     settings: Path | None,
     tolerance_mm: float | None = None,
-    scan_accuracy_mm: float | None = None,
+    **others: float | str | None,
 ) -> dict[str, Any]:
-    """The same `options` that a request has."""
+    """The same `options` that a request has. others : options by name, None where the user states none"""
     options: dict[str, Any] = {"preset": preset, "units": units, "seed": seed, "tolerance_mm": tolerance_mm}
-    if scan_accuracy_mm is not None:  # a service of an earlier version refuses the key
-        options["scan_accuracy_mm"] = scan_accuracy_mm
+    # a service of an earlier version refuses keys that it does not know
+    options |= {name: value for name, value in others.items() if value is not None}
     if settings is not None:
         try:
             options["settings"] = json.loads(settings.read_text())

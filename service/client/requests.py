@@ -41,6 +41,8 @@ class JobOptions(TypedDict, total=False):
     units: Mapping[str, Unit]
     tolerance_mm: float | None
     scan_accuracy_mm: float | None
+    design_part: str | None
+    columns: str | None
     study: Mapping[str, Any]
     seed: int
     label: str | None

@@ -4,9 +4,17 @@ from datetime import datetime
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_serializer
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_serializer, field_validator
 
-from pipeline import LandmarksResult, RegistrationResult, Stage, StudyResult, StudySettings, Unit
+from pipeline import (
+    LandmarksResult,
+    PointColumns,
+    RegistrationResult,
+    Stage,
+    StudyResult,
+    StudySettings,
+    Unit,
+)
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
 NO_NUL = r"^[^\x00]*$"  # PostgreSQL has no text with it
@@ -104,6 +112,25 @@ class Options(Request):
         description="`registration` only: accuracy of the scanner, one sigma, as its maker states it: how "
         "far a scan of a right part may lie off the design",
     )
+    design_part: str | None = Field(
+        None,
+        min_length=1,
+        max_length=300,
+        pattern=NO_NUL,
+        description="`registration` only: the part of the design file that was scanned, where it has several "
+        "(build items of a 3MF, objects of an OBJ, solids of an STL, meshes of a glTF): name, number from 1, "
+        "several numbers (`1,3`), or `all`, the default",
+    )
+    columns: str | None = Field(
+        None,
+        min_length=1,
+        max_length=2000,
+        pattern=NO_NUL,
+        description="`registration` only: columns of a scan that is a text of points, where the text can be "
+        "read in two ways: the name of each in order (`id,x,y,z`), or the numbers of x, y and z (`2,3,4`); "
+        "then, where needed, `decimal=comma` or `decimal=point`, and `delimiter=` `space`, `tab`, `comma`, "
+        "`semicolon` or `pipe`",
+    )
     study: StudySettings | None = Field(
         None, description="`study` only: what to measure; each key replaces one of `settings.study`"
     )
@@ -112,6 +139,13 @@ class Options(Request):
         None, max_length=200, pattern=NO_NUL, description="free text of the client, to find the job again"
     )
     webhook: Webhook | None = Field(None, description="receiver of a message when the job is final")
+
+    @field_validator("columns")
+    @classmethod
+    def _columns_known(cls, columns: str | None) -> str | None:
+        if columns is not None:
+            PointColumns.of(columns)
+        return columns
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:

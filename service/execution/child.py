@@ -38,4 +38,10 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
 
 
 def _mesh(source: dict[str, Any]) -> pipeline.MeshFile:
-    return pipeline.MeshFile(Path(source["path"]), unit=source["unit"], filename=source["filename"])
+    return pipeline.MeshFile(
+        Path(source["path"]),
+        unit=source["unit"],
+        filename=source["filename"],
+        part=source.get("part"),
+        columns=source.get("columns"),
+    )

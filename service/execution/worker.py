@@ -195,6 +195,8 @@ class Worker:
             unit = getattr(options.units, mesh)
             task[mesh] = {"path": str(path), "filename": source["filename"], "unit": unit}
         if row.type == "registration":
+            task["design"]["part"] = options.design_part
+            task["scan"]["columns"] = options.columns
             name = design_cache.name_of(
                 row.tenant, row.inputs["design"]["blob"], task["design"], task["settings"], options.seed
             )

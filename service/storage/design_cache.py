@@ -65,8 +65,9 @@ def name_of(tenant: str, blob_id: str, design: dict[str, Any], settings: dict[st
     """The key of a design model: a hash of all inputs of the analysis, and of the tenant, since tenants share
     no files.
 
-    design : `unit` and `filename` of the task
+    design : `unit`, `filename` and `part` of the task
     """
     ending = Path(design["filename"] or "").suffix.lower()
-    inputs = [tenant, blob_id, ending, design["unit"], settings, seed, pipeline.code_fingerprint()]
+    part = design.get("part")
+    inputs = [tenant, blob_id, ending, design["unit"], part, settings, seed, pipeline.code_fingerprint()]
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()

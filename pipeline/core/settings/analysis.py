@@ -9,10 +9,22 @@ from pipeline.core.settings.base import Detector, Section, SegmentationMethod
 
 class LoadSettings(Section):
     max_faces: int = Field(5_000_000, ge=1, description="refuse a mesh with more triangles")
-    max_points: int = Field(10_000_000, ge=1, description="refuse a mesh or cloud with more vertices")
+    max_points: int = Field(
+        10_000_000,
+        ge=1,
+        description="refuse a mesh or cloud with more vertices; the corners of triangles that share none, as "
+        "in STL, are not counted",
+    )
     max_archive_expansion: int = Field(
         200, ge=1, description="refuse a 3MF that unpacks to more than this many times its size (zip bomb)"
     )
+
+    def allows(self, n_vertices: int, n_faces: int) -> bool:
+        """Whether a mesh or cloud is within the limits. Triangles with three vertices of their own each have
+        as many corners, of which a sixth is left when equal ones are merged.
+        """
+        is_soup = n_vertices == 3 * n_faces
+        return n_faces <= self.max_faces and (is_soup or n_vertices <= self.max_points)
 
 
 class CleanSettings(Section):
@@ -24,6 +36,11 @@ class CleanSettings(Section):
     )
     repair_non_manifold: bool = Field(
         True, description="remove faces at edges that more than two faces share"
+    )
+    unite_bodies: bool = Field(
+        True,
+        description="unite closed bodies that touch or overlap: the walls between them are no surface; false "
+        "keeps all their triangles",
     )
     min_component_share: float = Field(
         0.0, ge=0, lt=1, description="drop connected pieces below this share of the area; 0 keeps all"

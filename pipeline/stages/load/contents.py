@@ -6,20 +6,30 @@ from typing import Protocol
 import numpy as np
 
 from pipeline.core.errors import IndexOutOfRange
-from pipeline.core.mesh import FloatArray, IndexArray
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
+
+
+@dataclass(frozen=True, slots=True)
+class FilePart:
+    """Something that a person would call one part: a build item of a 3MF, a mesh of a glTF."""
+
+    number: int
+    name: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """vertices : (n, 3) float64, unit and frame of the file, transforms of the file applied; faces : (m, 3)
-    int64, none of a point cloud; name : as the file calls it, or empty
+    int64 or int32, none of a point cloud; name : as the file calls it, or empty;
+    part : of the file that it belongs to, None where it is one itself
     """
 
     vertices: FloatArray
-    faces: IndexArray
+    faces: IndexArray | IntArray
     name: str = ""
+    part: FilePart | None = None
 
     @classmethod
     def cloud(cls, points: FloatArray, name: str = "") -> "Body":
@@ -50,7 +60,7 @@ class Reader(Protocol):
     def __call__(self, data: bytes, settings: LoadSettings) -> Contents: ...
 
 
-def joined(contents: Contents) -> tuple[FloatArray, IndexArray]:
+def joined(contents: Contents) -> tuple[FloatArray, IndexArray | IntArray]:
     """Vertices (n, 3) and faces (m, 3) of all bodies; of those with triangles, where there are any.
 
     Raises
@@ -58,17 +68,28 @@ def joined(contents: Contents) -> tuple[FloatArray, IndexArray]:
     IndexOutOfRange
         When a triangle refers to a vertex that its body does not have.
     """
-    with_faces = [body for body in contents.bodies if len(body.faces)]
-    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for body in with_faces or contents.bodies:
-        if body.faces.size and (body.faces.min() < 0 or body.faces.max() >= len(body.vertices)):
-            outside = (body.faces < 0) | (body.faces >= len(body.vertices))
-            face, corner = np.argwhere(outside)[0]
-            raise IndexOutOfRange(
-                f"triangle {face} refers to vertex {body.faces[face, corner]}, but the mesh has "
-                f"{len(body.vertices)} vertices, counted from 0"
-            )
-        vertices.append(body.vertices)
-        faces.append(body.faces + count)
-        count += len(body.vertices)
-    return np.concatenate(vertices), np.concatenate(faces)
+    bodies = used_bodies(contents)
+    for body in bodies:
+        _check_faces(body)
+    if len(bodies) == 1:  # large files are one body: no copy
+        return bodies[0].vertices, bodies[0].faces
+    starts = np.cumsum([0, *(len(body.vertices) for body in bodies)])
+    vertices = np.concatenate([np.zeros((0, 3)), *(body.vertices for body in bodies)])
+    shifted = [body.faces + start for body, start in zip(bodies, starts, strict=False)]
+    return vertices, np.concatenate([np.zeros((0, 3), dtype=np.int64), *shifted])
+
+
+def used_bodies(contents: Contents) -> tuple[Body, ...]:
+    """The bodies with triangles, where there are any."""
+    with_faces = tuple(body for body in contents.bodies if len(body.faces))
+    return with_faces or contents.bodies
+
+
+def _check_faces(body: Body) -> None:
+    if body.faces.size and (body.faces.min() < 0 or body.faces.max() >= len(body.vertices)):
+        outside = (body.faces < 0) | (body.faces >= len(body.vertices))
+        face, corner = np.argwhere(outside)[0]
+        raise IndexOutOfRange(
+            f"triangle {face} refers to vertex {body.faces[face, corner]}, but the mesh has "
+            f"{len(body.vertices)} vertices, counted from 0"
+        )

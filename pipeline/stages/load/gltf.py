@@ -12,7 +12,7 @@ from pipeline.core.errors import IndexOutOfRange, MeshTooLarge, UnreadableFile
 from pipeline.core.formats import Format
 from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load.contents import Body, Contents
+from pipeline.stages.load.contents import Body, Contents, FilePart
 from pipeline.stages.load.gltf_accessors import Accessors
 from pipeline.stages.load.gltf_container import open_container
 from pipeline.stages.load.gltf_extensions import INSTANCING, check_required
@@ -74,6 +74,7 @@ class _Builder:
     left_out: LeftOut = field(default_factory=LeftOut)
     n_vertices: int = 0
     n_faces: int = 0
+    n_placed: int = 0
 
     def build(self) -> None:
         if not self.document.nodes:  # a file of meshes only: each where it is
@@ -101,6 +102,8 @@ class _Builder:
         name = node.name or mesh.name
         if any(primitive.targets for primitive in mesh.primitives):
             self.left_out.add(MORPHS, name)
+        part = FilePart(self.n_placed, name)
+        self.n_placed += 1
         for position, primitive in enumerate(mesh.primitives):
             if not has_shape(primitive):
                 # Draco may hide the positions, and does not hide lines
@@ -111,7 +114,7 @@ class _Builder:
             if local.has_remainder:
                 self.left_out.add(REMAINDER, name)
             self._count(len(T_scene_mesh), local)
-            self._place(node, primitive, local, T_scene_mesh, T_scene_node, name)
+            self._place(node, primitive, local, T_scene_mesh, T_scene_node, part)
 
     def _place(
         self,
@@ -120,23 +123,23 @@ class _Builder:
         local: Local,
         T_scene_mesh: FloatArray,
         T_scene_node: FloatArray,
-        name: str,
+        part: FilePart,
     ) -> None:
         if node.skin is not None:
             posed = skinned(self.accessors, primitive, local, node.skin, T_scene_node)
             if posed is not None:
                 vertices, is_mirrored = posed
                 faces = local.faces[:, ::-1] if is_mirrored else local.faces
-                self._add(Body(vertices, faces, name))
+                self._add(Body(vertices, faces, part.name, part))
                 return
-            self.left_out.add(SKINS, name)
+            self.left_out.add(SKINS, part.name)
         linear, offset = T_scene_mesh[:, :3, :3], T_scene_mesh[:, :3, 3]
         vertices = np.einsum("kij,nj->kni", linear, local.vertices) + offset[:, None]
         # section 3.7.4: a transform that mirrors turns the triangles over
         mirrored = np.linalg.det(linear) < 0
         faces = np.where(mirrored[:, None, None], local.faces[:, ::-1], local.faces)
         faces = faces + np.arange(len(linear))[:, None, None] * len(local.vertices)
-        self._add(Body(vertices.reshape(-1, 3), faces.reshape(-1, 3), name))
+        self._add(Body(vertices.reshape(-1, 3), faces.reshape(-1, 3), part.name, part))
 
     def _add(self, body: Body) -> None:
         if len(body.vertices):

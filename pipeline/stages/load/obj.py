@@ -9,6 +9,7 @@ from pipeline.core.formats import Format
 from pipeline.core.mesh import IndexArray
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
+from pipeline.kernels import topology
 from pipeline.stages.load.contents import Body, Contents
 from pipeline.stages.load.obj_lines import Statements, read_statements
 from pipeline.stages.load.text_polygons import check_finite, check_size, triangles_of
@@ -18,7 +19,8 @@ MAX_OBJECTS = 1000
 
 
 def read_obj(data: bytes, settings: LoadSettings) -> Contents:
-    """One body for each `o` with faces, or one where objects share vertices; without faces, the points.
+    """One body for each `o` with faces (without `o`, for each closed `g`), or one where these share vertices;
+    without faces, the points.
 
     A body has the vertices that its faces use, in the order of the file. The number `w` of a vertex weighs
     curves only, and is not used.
@@ -47,22 +49,57 @@ def read_obj(data: bytes, settings: LoadSettings) -> Contents:
 
 
 def _bodies(statements: Statements) -> list[Body]:
+    """Of the objects; where there are none, of the groups that are closed surfaces each, so that groups of
+    faces of one part (by material, by CAD face) are one body.
+    """
     faces = statements.faces
-    corner_starts = np.concatenate([[0], np.cumsum(faces.counts)])
-    starts = np.array([0] + [start for _, start in statements.objects] + [len(faces.counts)], dtype=np.int64)
-    names = ["", *(name for name, _ in statements.objects)]
-    with_faces = np.flatnonzero(np.diff(starts) > 0)
-    parts = [slice(int(starts[k]), int(starts[k + 1])) for k in with_faces]
-    corners = [faces.corners[corner_starts[part.start] : corner_starts[part.stop]] for part in parts]
-    if 1 < len(parts) <= MAX_OBJECTS:
-        used = [np.unique(each) for each in corners]
-        if len(np.unique(np.concatenate(used))) == sum(map(len, used)):
-            bodies = [
-                _body(statements, each, faces.counts[part], names[k])
-                for each, part, k in zip(corners, parts, with_faces, strict=True)
-            ]
-            return [body for body in bodies if len(body.faces)]
-    return [_body(statements, faces.corners, faces.counts, names[with_faces[0]] if len(parts) == 1 else "")]
+    part, names = _parts(statements.objects, len(faces.counts), by_name=False)
+    bodies = _separate(statements, part, names)
+    if bodies is None and not statements.objects:
+        part, names = _parts(statements.groups, len(faces.counts), by_name=True)
+        bodies = _separate(statements, part, names)
+        if bodies is not None and not all(_is_closed(body) for body in bodies):
+            bodies = None
+    if bodies is not None:
+        return bodies
+    present = np.unique(part) if statements.objects else np.zeros(0, dtype=np.int64)
+    return [_body(statements, faces.corners, faces.counts, names[present[0]] if len(present) == 1 else "")]
+
+
+def _parts(statements: list[tuple[str, int]], n_faces: int, *, by_name: bool) -> tuple[IndexArray, list[str]]:
+    """Part of each face (f,), and names of the parts. by_name : statements of one name are one part"""
+    names = ["", *(name for name, _ in statements)]
+    part = np.zeros(n_faces, dtype=np.int64)
+    starts = [start for _, start in statements]
+    np.add.at(part, [start for start in starts if start < n_faces], 1)
+    part = np.cumsum(part)
+    if by_name:
+        number = {name: at for at, name in enumerate(dict.fromkeys(names))}
+        return np.array([number[name] for name in names], dtype=np.int64)[part], list(number)
+    return part, names
+
+
+def _separate(statements: Statements, part: IndexArray, names: list[str]) -> list[Body] | None:
+    """A body for each part; None where there is one, too many, or two that share vertices."""
+    faces = statements.faces
+    present = np.unique(part)
+    if not 1 < len(present) <= MAX_OBJECTS:
+        return None
+    of_corner = np.repeat(part, faces.counts)
+    corners = [faces.corners[of_corner == each] for each in present]
+    used = [np.unique(each) for each in corners]
+    if len(np.unique(np.concatenate(used))) != sum(map(len, used)):
+        return None
+    bodies = [
+        _body(statements, each, faces.counts[part == k], names[k])
+        for each, k in zip(corners, present, strict=True)
+    ]
+    return [body for body in bodies if len(body.faces)]
+
+
+def _is_closed(body: Body) -> bool:
+    """Whether each edge has two triangles."""
+    return bool((topology.edges(body.faces.astype(np.int32)).count == 2).all())
 
 
 def _body(statements: Statements, corners: IndexArray, counts: IndexArray, name: str) -> Body:

@@ -47,9 +47,9 @@ class Elements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Statements:
-    """vertices : (n, 3), lines : (n,) of them; objects : name of each `o`, and the number of faces before it;
-    free_form, unknown : statements that are not read, by keyword; first_line : of each keyword of these;
-    decimal_comma : numbers that were written with one
+    """vertices : (n, 3), lines : (n,) of them; objects, groups : name of each `o` and `g`, and the number of
+    faces before it; free_form, unknown : statements that are not read, by keyword; decimal_comma : numbers
+    that were written with one
     """
 
     vertices: FloatArray
@@ -57,6 +57,7 @@ class Statements:
     faces: Elements
     points: Elements
     objects: list[tuple[str, int]]
+    groups: list[tuple[str, int]]
     lines: int
     free_form: Counter[str]
     unknown: Counter[str]
@@ -87,6 +88,7 @@ class _Collector:
     faces: list[Elements] = field(default_factory=list)
     points: list[Elements] = field(default_factory=list)
     objects: list[tuple[str, int]] = field(default_factory=list)
+    groups: list[tuple[str, int]] = field(default_factory=list)
     n_vertices: int = 0
     n_faces: int = 0
     lines: int = 0
@@ -164,18 +166,19 @@ class _Collector:
         key = words.word(int(words.first[line]))
         if key in FREE_FORM:
             self.free_form[key.decode()] += 1
+        if key in (b"o", b"g"):
+            name = b" ".join(words.of_line(line)[1:]).decode("utf-8", errors="replace")
+            (self.objects if key == b"o" else self.groups).append((name, faces_before))
+            return
         if key in SILENT or key in FREE_FORM:
             return
-        if key == b"o":
-            name = b" ".join(words.of_line(line)[1:]).decode("utf-8", errors="replace")
-            self.objects.append((name, faces_before))
-        elif key == b"call":
+        if key == b"call":
             raise UnreadableFile(
                 f"line {words.place(line)} of the {Format.OBJ} includes another file (call), "
                 "which was not sent",
                 remedy="export the mesh as one file",
             )
-        elif _KEYWORD.fullmatch(key):
+        if _KEYWORD.fullmatch(key):
             self.unknown[key.decode()] += 1
         else:
             raise UnreadableFile(
@@ -202,6 +205,7 @@ class _Collector:
             faces,
             points,
             self.objects,
+            self.groups,
             self.lines,
             self.free_form,
             self.unknown,

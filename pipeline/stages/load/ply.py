@@ -75,9 +75,13 @@ def _positions(header: Header) -> tuple[Element, list[Property]]:
 
 def _check_sizes(header: Header, left: int, settings: LoadSettings) -> None:
     """Refuse what is too large, where the file is long enough to have it; else it is truncated."""
+    face = header.find("face")
+    n_faces = 0 if face is None else face.rows
     limits = {"vertex": (settings.max_points, "vertices"), "face": (settings.max_faces, "faces")}
     for element in header.elements:
         limit, what = limits.get(element.name.lower(), (element.rows, ""))
+        if what == "vertices" and settings.allows(element.rows, n_faces):
+            continue
         widths = [2 if header.is_ascii else (each.count or each.item).itemsize for each in element.properties]
         if element.rows > limit and element.rows * sum(widths) <= left + 1:
             raise MeshTooLarge(f"{element.rows} {what}; the limit is {limit}")
@@ -138,6 +142,8 @@ def _with_positions(vertices: FloatArray, faces: IndexArray) -> tuple[FloatArray
     """Without the points that are NaN or infinite and that no triangle uses: organised clouds have them where
     the scanner saw nothing. Those that a triangle uses stay, and the mesh reports them.
     """
+    if np.isfinite(vertices.max(initial=0.0)) and np.isfinite(vertices.min(initial=0.0)):
+        return vertices, faces, []
     kept: BoolArray = np.asarray(np.isfinite(vertices).all(axis=1))
     kept[faces.ravel()] = True
     lost = len(vertices) - int(kept.sum())

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.errors import MeshTooLarge, NotFinite, TruncatedFile, UnreadableFile
+from pipeline.core.errors import ColumnsUnfit, MeshTooLarge, NotFinite, TruncatedFile, UnreadableFile
 from pipeline.core.mesh import FloatArray
+from pipeline.core.point_columns import PointColumns
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, Contents
@@ -55,31 +56,44 @@ class Section:
     announced: int | None
 
 
-def read_point_text(data: bytes, settings: LoadSettings) -> Contents:
+def read_point_text(data: bytes, settings: LoadSettings, columns: str | None = None) -> Contents:
     """The points of a text, one a line; a body for each block that a .pts counts, or scan of a .ptx.
 
     The unit is that of the heading, x[mm], where all of x, y and z have it. Rows without a position are left
-    out and counted in a note.
+    out and counted in a note. columns : as a person states them (`core.point_columns`), None where the text
+    says it
 
     Raises
     ------
-    TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite
+    TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, ColumnsUnfit
         With the line; UnreadableFile with both readings where there are two.
     """
+    stated = _stated(columns)
     text = decoded(data)
     head = head_of(text)
     rows = rows_of(text[head.begin :], head.first_line)
     if is_ptx(rows):
+        if stated is not None:
+            raise ColumnsUnfit("the text is a PTX, which has columns of its own")
         return read_ptx(rows, settings)
     sections = _sections(rows)
     n_rows = rows.text.count(b"\n") - sum(section.announced is not None for section in sections)
     if n_rows > settings.max_points:
         raise MeshTooLarge(f"{n_rows} points; the limit is {settings.max_points}")
     _check_counts(rows, sections)
-    clouds, layout, heading = _read(rows, sections, head)
+    clouds, layout, heading = _read(rows, sections, head, stated)
     notes = [*_notes_of(layout, heading, head), *_notes_of_counts(rows, sections)]
     bodies, without_position = _with_positions(clouds)
     return Contents(bodies, heading.unit if heading else None, (*notes, *without_position))
+
+
+def _stated(columns: str | None) -> PointColumns | None:
+    if columns is None:
+        return None
+    try:
+        return PointColumns.of(columns)
+    except ValueError as error:
+        raise ColumnsUnfit(f"options.columns {columns[:100]!r}: {error}", remedy="") from None
 
 
 def _sections(rows: Rows) -> list[Section]:
@@ -122,7 +136,9 @@ def _notes_of_counts(rows: Rows, sections: list[Section]) -> list[Note]:
     return notes
 
 
-def _read(rows: Rows, sections: list[Section], head: Head) -> tuple[list[FloatArray], Layout, Heading | None]:
+def _read(
+    rows: Rows, sections: list[Section], head: Head, stated: PointColumns | None
+) -> tuple[list[FloatArray], Layout, Heading | None]:
     """The points (n, 3) of each section, in the layout that all of them have."""
     sample: list[bytes] = []
     for section in sections:
@@ -133,7 +149,7 @@ def _read(rows: Rows, sections: list[Section], head: Head) -> tuple[list[FloatAr
                 raise rows.refused(bad) from None
     if not sample:
         raise UnreadableFile("the text has no points", remedy="write one point on each line: x y z")
-    shape, heading = choose_shape(sample, head, rows)
+    shape, heading = choose_shape(sample, head, rows, stated)
     check_comments(head, heading, shape, rows)
     _check_others(head, heading, shape)
     wanted = columns_to_read(sample, shape, heading)
@@ -144,7 +160,7 @@ def _read(rows: Rows, sections: list[Section], head: Head) -> tuple[list[FloatAr
     except BadRow as bad:
         raise rows.refused(bad) from None
     values = tables[0] if len(tables) == 1 else np.concatenate(tables)
-    layout = layout_of(shape, heading, values, reader.evidence, sample, rows, head.first_line - 1)
+    layout = layout_of(shape, heading, values, reader.evidence, sample, rows, head.first_line - 1, stated)
     places = [wanted.index(column) for column in layout.columns]
     return [table[:, places] for table in tables], layout, heading
 

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.errors import UnreadableFile
+from pipeline.core.errors import ColumnsUnfit, UnreadableFile
 from pipeline.core.mesh import FloatArray
+from pipeline.core.point_columns import PointColumns
 from pipeline.stages.load.point_text_columns import Evidence
 from pipeline.stages.load.point_text_fields import WITHOUT_THOUSANDS, Shape
 from pipeline.stages.load.point_text_head import Head
 from pipeline.stages.load.point_text_heading import Heading, axes_first, heading_of, words_of
 from pipeline.stages.load.point_text_lines import QUOTED_COMMA, REMEDY, BadRow, Rows, shown
+from pipeline.stages.load.point_text_stated import stated_shapes
 
 DELIMITERS = (";", "|", "\t", ",", " ")
 #: Rows that the delimiter and the columns to read are chosen by; all rows are checked against the choice.
@@ -41,17 +43,24 @@ class Layout:
     skipped: int
 
 
-def choose_shape(sample: list[bytes], head: Head, rows: Rows) -> tuple[Shape, Heading | None]:
+def choose_shape(
+    sample: list[bytes], head: Head, rows: Rows, stated: PointColumns | None = None
+) -> tuple[Shape, Heading | None]:
     """The delimiter by which most rows of a sample have the columns of the first, and coordinates in them.
+
+    stated : what a person says; its columns are those of the heading that is returned
 
     Raises
     ------
-    UnreadableFile
+    UnreadableFile, ColumnsUnfit
         When no delimiter gives three coordinates, or two give different ones.
     """
     fits = []
     for delimiter in DELIMITERS:
-        for shape, heading in _shapes(sample, delimiter, head):
+        shapes = _shapes(sample, delimiter, head)
+        for shape, heading in (
+            shapes if stated is None else stated_shapes(sample[0], delimiter, shapes, stated)
+        ):
             columns = heading.columns if heading else (0, 1, 2)
             table = [_split(line, shape) for line in sample]
             good = [
@@ -62,12 +71,16 @@ def choose_shape(sample: list[bytes], head: Head, rows: Rows) -> tuple[Shape, He
                 fits.append((sum(good), shape, heading, [table[0][at] for at in columns]))
     most = max((fit[0] for fit in fits), default=0)
     best = [fit for fit in fits if fit[0] == most]
+    if not best and stated is not None:
+        number, line = rows.place(0)
+        raise ColumnsUnfit(f"line {number} has no numbers in the columns that options.columns states: {line}")
     if not best:
         raise _none_fits(sample, head, rows)
     _, shape, heading, first = best[0]
     for _, other, _, values in best[1:]:
         if values != first:
-            raise rows.unclear(0, _told(first, shape), _told(values, other))
+            remedy = None if stated is None else "state delimiter= or decimal= too, as in x,y,z decimal=comma"
+            raise rows.unclear(0, _told(first, shape), _told(values, other), remedy)
     return shape, heading
 
 
@@ -92,6 +105,7 @@ def layout_of(
     sample: list[bytes],
     rows: Rows,
     skipped: int,
+    stated: PointColumns | None = None,
 ) -> Layout:
     """The layout, from the numbers (n, k) of `columns_to_read` and how all of them look.
 
@@ -100,14 +114,18 @@ def layout_of(
     UnreadableFile
         When the text can be read in two ways, with both.
     """
-    _check_decimals(shape, evidence, rows)
+    _check_decimals(shape, evidence, rows, None if stated is None else stated.decimal)
     decimal = "," if evidence.first_comma is not None or shape.pairs else "."
     columns = heading.columns if heading else _columns(shape, values, evidence, sample, rows)
     return Layout(shape.delimiter, decimal, columns, shape.n_columns, skipped)
 
 
-def _check_decimals(shape: Shape, evidence: Evidence, rows: Rows) -> None:
-    """Raise where commas may separate thousands."""
+def _check_decimals(shape: Shape, evidence: Evidence, rows: Rows, stated: str | None) -> None:
+    """Raise where commas may separate thousands, or the decimal separator is not the one that was stated."""
+    other = evidence.first_comma if stated == "." else evidence.first_point if stated == "," else None
+    if other is not None:
+        said = "point" if stated == "." else "comma"
+        raise rows.refused(BadRow(other, f"does not have decimals as options.columns says (decimal={said})"))
     if evidence.first_comma is None:
         return
     if evidence.first_point is not None:
@@ -119,11 +137,15 @@ def _check_decimals(shape: Shape, evidence: Evidence, rows: Rows) -> None:
             )
         )
     some_without = evidence.n_commas < evidence.n_numbers
-    if evidence.three_digits and (some_without or shape.delimiter == ","):  # "1,234" in quotes is of Excel
+    if (
+        stated is None and evidence.three_digits and (some_without or shape.delimiter == ",")
+    ):  # "1,234" in quotes is of Excel
         raise rows.unclear(
             evidence.first_comma,
             "with decimal commas (1,234 is 1.234)",
             "with separators of thousands (1,234 is 1234)",
+            "state decimal=comma in options.columns, as in x,y,z decimal=comma, if commas are decimals; else "
+            "export the text without separators of thousands",
         )
 
 

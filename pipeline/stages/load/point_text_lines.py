@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pipeline.core.errors import TruncatedFile, UnreadableFile
 from pipeline.core.formats import MINUS, as_utf8
 
-REMEDY = "write a heading x y z, or use a point as decimal separator"
+REMEDY = "state the columns in options.columns, such as id,x,y,z; or write a heading x y z"
 #: Longest line; a longer one is no point, and takes memory.
 MAX_LINE_BYTES = 1 << 16
 TOO_LONG = f"has more than {MAX_LINE_BYTES} bytes, which is no point"
@@ -71,11 +71,11 @@ class Rows:
             remedy=bad.remedy or "write one point on each line: x y z, with the same columns on all lines",
         )
 
-    def unclear(self, row: int, first: str, second: str) -> UnreadableFile:
+    def unclear(self, row: int, first: str, second: str, remedy: str | None = None) -> UnreadableFile:
         """The error for a text that has two meanings, at a row that shows both."""
         number, line = self.place(row)
         return UnreadableFile(
-            f"line {number} can be read in two ways, {first} or {second}: {line}", remedy=REMEDY
+            f"line {number} can be read in two ways, {first} or {second}: {line}", remedy=remedy or REMEDY
         )
 
 

@@ -108,6 +108,8 @@ def _head(lines: list[bytes], rows: Rows, row: int, name: str) -> tuple[int, int
 
 def _is_rigid(transform: FloatArray) -> bool:
     axes = transform[:3, :3]
+    if np.abs(axes).max() > 1.0 + RIGID:  # its squares may overflow
+        return False
     return bool(np.abs(axes @ axes.T - np.eye(3)).max() < RIGID and np.linalg.det(axes) > 0)
 
 

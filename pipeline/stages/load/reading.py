@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import (
+    ColumnsUnfit,
     CoordinateOutOfRange,
     MeshTooLarge,
     NoSurface,
@@ -16,14 +17,15 @@ from pipeline.core.errors import (
     UnreadableFile,
 )
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
-from pipeline.core.mesh import Mesh
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh, frozen
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load.contents import Reader, joined
+from pipeline.stages.load.contents import Contents, Reader, joined, used_bodies
 from pipeline.stages.load.gltf import read_glb
 from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
+from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.ply import read_ply
 from pipeline.stages.load.point_text import read_point_text
 from pipeline.stages.load.stl import read_stl
@@ -47,7 +49,8 @@ MAX_COORDINATE_MM = 1e8
 @dataclass(frozen=True, slots=True)
 class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
-    bytes; notes : what of the file is not used
+    bytes; notes : what of the file is not used; body_of_face : (m,) int32 body of the file that each face is
+    of, None where there is one
     """
 
     mesh: Mesh
@@ -56,6 +59,7 @@ class Loaded:
     mm_per_unit: float
     sha256: str
     notes: tuple[Note, ...] = ()
+    body_of_face: IntArray | None = None
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -64,32 +68,61 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     Raises
     ------
     EmptyFile, UnknownFormat, TruncatedFile, UnreadableFile, MeshTooLarge, NotFinite, CoordinateOutOfRange,
-    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown
+    IndexOutOfRange, NoSurface (points where `needs_surface`), UnitUnknown, PartNotFound, ColumnsUnfit
     """
     data = _read(source.path, name)
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
     try:
-        contents = READERS[kind](data, settings)
+        contents = _contents(kind, data, source, settings)
         vertices, faces = joined(contents)
         if len(vertices) == 0:
             raise UnreadableFile(f"the {kind} has no triangles and no points")
-        if len(faces) > settings.max_faces or len(vertices) > settings.max_points:
+        if not settings.allows(len(vertices), len(faces)):
             raise MeshTooLarge(
                 f"{len(faces)} triangles and {len(vertices)} vertices; the limits are "
                 f"{settings.max_faces} and {settings.max_points}"
             )
         unit, mm_per_unit = unit_of(source.unit, contents.unit)
-        mesh = Mesh(vertices * mm_per_unit, faces.astype(np.int32))
+        mesh = _in_mm(vertices, faces, mm_per_unit)
         _check_coordinates(mesh)
     except PipelineError as error:
         raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
     if mesh.is_cloud and needs_surface:
         raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
-    return Loaded(mesh, kind, unit, mm_per_unit, hashlib.sha256(data).hexdigest(), contents.notes)
+    sha256 = hashlib.sha256(data).hexdigest()
+    return Loaded(mesh, kind, unit, mm_per_unit, sha256, contents.notes, _body_of_face(contents))
+
+
+def _body_of_face(contents: Contents) -> IntArray | None:
+    counts = [len(body.faces) for body in used_bodies(contents)]
+    return np.repeat(np.arange(len(counts), dtype=np.int32), counts) if len(counts) > 1 else None
+
+
+def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSettings) -> Contents:
+    """What is in the file, with the columns and the part that `source` states."""
+    if kind is Format.XYZ:
+        return read_point_text(data, settings, source.columns)
+    if source.columns is not None:
+        raise ColumnsUnfit(f"options.columns is for texts of points, and the file is {kind.upper()}")
+    contents = READERS[kind](data, settings)
+    has_faces = any(len(body.faces) for body in contents.bodies)
+    return choose_part(contents, source.part) if has_faces or source.part is not None else contents
+
+
+def _in_mm(vertices: FloatArray, faces: IndexArray | IntArray, mm_per_unit: float) -> Mesh:
+    """The mesh, whose arrays are those of the reader: a copy of a large file takes seconds and its memory."""
+    if mm_per_unit != 1.0:
+        vertices = vertices * mm_per_unit
+    return Mesh(frozen(vertices), frozen(faces.astype(np.int32, copy=False)))
 
 
 def _check_coordinates(mesh: Mesh) -> None:
     """Raise CoordinateOutOfRange for a vertex beyond `MAX_COORDINATE_MM`: such a number is damaged."""
+    if (
+        mesh.vertices.max(initial=0.0) <= MAX_COORDINATE_MM
+        and mesh.vertices.min(initial=0.0) >= -MAX_COORDINATE_MM
+    ):
+        return
     far = np.flatnonzero(np.abs(mesh.vertices).max(axis=1, initial=0.0) > MAX_COORDINATE_MM)
     if far.size:
         place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])

@@ -132,4 +132,4 @@ def _check_number(triangles: int, settings: LoadSettings) -> None:
 
 
 def _body(vertices: FloatArray) -> Body:
-    return Body(vertices, np.arange(len(vertices), dtype=np.int64).reshape(-1, 3))
+    return Body(vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))

@@ -4,14 +4,14 @@ Points are row vectors, and a transform is (A, b) with p' = p A + b (3MF core sp
 Points of a component in another part are first scaled to the unit of the part that refers to it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.core.errors import MeshTooLarge, UnitUnknown, UnreadableFile
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load.contents import Body
+from pipeline.stages.load.contents import Body, FilePart
 from pipeline.stages.load.three_mf_left_out import NOT_PRINTABLE, LeftOut, of_geometry, of_kind, of_role
 from pipeline.stages.load.three_mf_model import read_model
 from pipeline.stages.load.three_mf_package import Package
@@ -80,6 +80,8 @@ class Builder:
             before = len(plate.bodies)
             self._place(plate, model, thing, self._linear(self.root, item, model), kinds, name)
             if len(plate.bodies) > before:
+                part = FilePart(len(plate.items), name)
+                plate.bodies[before:] = [replace(body, part=part) for body in plate.bodies[before:]]
                 plate.items.append(name)
         return plate
 
@@ -125,7 +127,8 @@ class Builder:
                 seen[use.object_id] = occurrence + 1
                 part = self._part(model, thing, use, occurrence)
                 inner_linear, inner_offset = self._linear(model, use, inner_model)
-                placed = (inner_linear @ linear, inner_offset @ linear + offset)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    placed = (inner_linear @ linear, inner_offset @ linear + offset)
                 called = inner.name or part.name or self._name(inner_model, inner)
                 self._place(plate, inner_model, inner, placed, kinds, called, part.role)
 
@@ -202,7 +205,8 @@ class Builder:
                 if each.unit not in DECLARED:
                     raise UnitUnknown(f"{each.part} in the 3MF declares the unit {each.unit!r}")
             scale = DECLARED[target.unit][1] / DECLARED[model.unit][1]
-        return scale * use.transform[:3], use.transform[3]
+        with np.errstate(over="ignore"):  # such vertices are refused with the mesh
+            return scale * use.transform[:3], use.transform[3]
 
     def _where(self, use: Use) -> str:
         return use.place.text(self._package.read(use.place.part))

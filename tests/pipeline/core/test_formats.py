@@ -29,6 +29,11 @@ HOSTILE = {
     "OFF": (b"STCN4n", b"OF"),
     "solid": (b"solid ", b""),
     "comments": (b"#\n", b"x"),
+    "comments of G-code": (b";a\n", b"x"),
+    "lines of G-code": (b"G1\n", b"x"),
+    "an XML comment": (b"<!--", b"x"),
+    "comments of a point cloud": (b"#.\n", b"x"),
+    "empty entries of a ZIP": (b"PK\x03\x04" + bytes(26), b""),
     "slashes": (b"//\n", b"x"),
 }
 LOOK = """

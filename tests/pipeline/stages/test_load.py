@@ -109,7 +109,7 @@ def zip_bomb() -> bytes:
 BAD: dict[str, tuple[bytes, str, type[pipeline.PipelineError], str]] = {
     "empty": (b"", "a.stl", errors.EmptyFile, "empty"),
     "text": (b"hello, this is a letter\n", "a.stl", errors.UnknownFormat, ".stl"),
-    "a picture": (b"\x89PNG\r\n\x1a\n" + b"\0" * 200, "a.png", errors.UnknownFormat, ".png"),
+    "a picture": (b"\x89PNG\r\n\x1a\n" + b"\0" * 200, "a.png", errors.UnknownFormat, "PNG picture"),
     "half an STL header": (b"\0" * 40, "a.stl", errors.TruncatedFile, "84 bytes"),
     "four billion triangles": (
         STL_HEAD + struct.pack("<I", 0xFFFFFFFF),

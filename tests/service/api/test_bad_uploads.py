@@ -26,6 +26,14 @@ FACE = struct.pack("<12fH", *range(12), 0)
         ("s.stl", b"Dear Sir or Madam,\nplease find attached", 415, "unknown_format"),
         ("s.step", b"ISO-10303-21;\nHEADER;\n", 415, "unknown_format"),
         ("s.jpg", b"\xff\xd8\xff\xe0" + bytes(range(256)), 415, "unknown_format"),
+        ("s.stl", b"<!DOCTYPE html><html><body>Sign in</body></html>", 415, "unknown_format"),
+        (
+            "s.stl",
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n",
+            415,
+            "unknown_format",
+        ),
+        ("s.stl", bytes(5000), 422, "unreadable_file"),
     ],
 )
 @pytest.mark.parametrize("mesh", ["design", "scan"])

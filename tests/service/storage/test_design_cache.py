@@ -83,6 +83,7 @@ def test_nothing_is_kept_that_does_not_fit_or_is_not_wanted(tmp_path: Path) -> N
         {"tenant": "other"},
         {"blob_id": "sha256:b"},
         {"design": {"unit": "m", "filename": "a.stl"}},
+        {"design": {"unit": "mm", "filename": "a.stl", "part": "2"}},
         {"settings": {"x": 2}},
         {"seed": 1},
     ],

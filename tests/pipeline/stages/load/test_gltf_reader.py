@@ -7,11 +7,9 @@ All files are made here. Each form is named with its source: a section of the gl
 import base64
 import json
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d
 import pytest
 import trimesh
 from hypothesis import given
@@ -560,28 +558,3 @@ def test_sizes_beyond_the_limits_are_refused() -> None:
     made.json["scenes"] = [{"nodes": [0, 1, 2]}]
     with pytest.raises(errors.MeshTooLarge, match="6 triangles and 12 vertices"):
         read(made, max_faces=5)
-
-
-@pytest.mark.parametrize("writer", ["trimesh", "trimesh, two parts", "open3d"])
-def test_files_of_other_writers_have_the_same_geometry(writer: str, tmp_path: Path) -> None:
-    path = tmp_path / "part.glb"
-    mesh = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False)
-    expected = BOX.vertices[BOX.faces]
-    if writer == "open3d":
-        made = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(BOX.vertices.copy()),
-            open3d.utility.Vector3iVector(BOX.faces.copy()),
-        )
-        made.compute_vertex_normals()
-        open3d.io.write_triangle_mesh(str(path), made)
-    elif writer == "trimesh":
-        mesh.export(path)
-    else:
-        scene = trimesh.Scene([mesh])
-        scene.add_geometry(mesh, transform=trimesh.transformations.translation_matrix([5, 0, 0]))
-        scene.export(path)
-        expected = np.concatenate([expected, expected + np.array([5, 0, 0])])
-    contents = read(path.read_bytes())
-    vertices, faces = joined(contents)
-    np.testing.assert_allclose(vertices[faces], expected, atol=1e-5)
-    assert contents.notes == ()

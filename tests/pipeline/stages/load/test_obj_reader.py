@@ -4,14 +4,8 @@ All files are made here. The dialect of each is named with its source: the speci
 (.obj)", version 3.0, https://paulbourke.net/dataformats/obj/) or a public issue.
 """
 
-from pathlib import Path
-
-import meshio
 import numpy as np
-import open3d
-import pymeshlab
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -244,28 +238,3 @@ def test_sizes_beyond_the_limits_are_refused() -> None:
         read(SQUARE + "f 1 2 3 4\n", max_points=3)
     with pytest.raises(errors.MeshTooLarge, match="2 triangles and 4 vertices; the limits are 1"):
         read(SQUARE + "f 1 2 3 4\n", max_faces=1)
-
-
-@pytest.mark.parametrize("writer", ["trimesh", "meshio", "open3d", "pymeshlab"])
-def test_files_of_other_writers_have_the_same_geometry(writer: str, tmp_path: Path) -> None:
-    path = tmp_path / "part.obj"
-    if writer == "trimesh":
-        mesh = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False)
-        mesh.export(path, include_normals=True, include_color=True)
-    elif writer == "meshio":
-        meshio.write_points_cells(path, BOX.vertices, [("triangle", BOX.faces)])
-    elif writer == "open3d":
-        made = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(BOX.vertices.copy()),
-            open3d.utility.Vector3iVector(BOX.faces.copy()),
-        )
-        made.compute_vertex_normals()
-        made.paint_uniform_color([1, 0, 0])
-        open3d.io.write_triangle_mesh(str(path), made)
-    else:
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(BOX.vertices, BOX.faces))
-        meshes.save_current_mesh(str(path), save_vertex_color=True, save_vertex_normal=True)
-    contents = read(path.read_bytes())
-    np.testing.assert_allclose(corners(contents), BOX.vertices[BOX.faces], atol=1e-5)
-    assert contents.notes == ()

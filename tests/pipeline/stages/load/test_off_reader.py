@@ -5,15 +5,10 @@ All files are made here. The dialect of each is named with its source: the manua
 """
 
 import struct
-from pathlib import Path
 from random import Random
 
-import meshio
 import numpy as np
-import open3d
-import pymeshlab
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -218,29 +213,3 @@ def test_each_dialect_is_detected(dialect: str) -> None:
     text = DIALECTS[dialect]
     data = text if isinstance(text, bytes) else text.encode()
     assert detect_format(data, len(data)) is Format.OFF
-
-
-@pytest.mark.parametrize("writer", ["trimesh", "meshio", "open3d", "pymeshlab"])
-def test_files_of_other_writers_have_the_same_geometry(writer: str, tmp_path: Path) -> None:
-    path = tmp_path / "part.off"
-    if writer == "trimesh":
-        trimesh.Trimesh(BOX.vertices, BOX.faces, process=False).export(path)
-    elif writer == "meshio":
-        meshio.write_points_cells(path, BOX.vertices, [("triangle", BOX.faces)])
-    elif writer == "open3d":
-        made = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(BOX.vertices.copy()),
-            open3d.utility.Vector3iVector(BOX.faces.copy()),
-        )
-        made.compute_vertex_normals()
-        made.paint_uniform_color([1, 0, 0])
-        open3d.io.write_triangle_mesh(str(path), made)
-    else:
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(BOX.vertices, BOX.faces))
-        meshes.save_current_mesh(str(path), save_vertex_color=True, save_face_color=True)
-    contents = read(path.read_bytes())
-    vertices, faces = joined(contents)
-    np.testing.assert_allclose(vertices, BOX.vertices, atol=1e-5)
-    np.testing.assert_array_equal(faces, BOX.faces)
-    assert contents.notes == ()

@@ -3,7 +3,6 @@
 import re
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -409,49 +408,6 @@ def test_a_hostile_header_takes_time_in_proportion() -> None:
         "binary_big_endian",
     )
     assert len(read(data).bodies[0].faces) == 299_998
-
-
-@EACH_ENCODING
-@pytest.mark.parametrize("program", ["trimesh", "plyfile", "meshio", "open3d", "pymeshlab"])
-def test_what_other_programs_write_is_read(program: str, encoding: str, tmp_path: Path) -> None:
-    path, is_ascii = tmp_path / "part.ply", encoding == "ascii"
-    if encoding == "binary_big_endian" and program != "plyfile":
-        pytest.skip("writes little endian only")
-    if program == "trimesh":
-        trimesh = pytest.importorskip("trimesh")
-        mesh = trimesh.Trimesh(BALL.vertices, BALL.faces, process=False)
-        path.write_bytes(trimesh.exchange.ply.export_ply(mesh, encoding="ascii" if is_ascii else "binary"))
-    elif program == "plyfile":
-        plyfile = pytest.importorskip("plyfile")
-        points = np.zeros(len(BALL.vertices), [("x", "f4"), ("y", "f8"), ("z", "f4")])
-        for k, name in enumerate("xyz"):
-            points[name] = BALL.vertices[:, k]
-        corners = np.zeros(len(BALL.faces), [("vertex_indices", "i4", (3,)), ("red", "u1")])
-        corners["vertex_indices"] = BALL.faces
-        elements = [
-            plyfile.PlyElement.describe(points, "vertex"),
-            plyfile.PlyElement.describe(corners, "face"),
-        ]
-        plyfile.PlyData(elements, text=is_ascii, byte_order=">" if "big" in encoding else "<").write(
-            str(path)
-        )
-    elif program == "meshio":
-        meshio = pytest.importorskip("meshio")
-        meshio.Mesh(BALL.vertices, [("triangle", BALL.faces)]).write(str(path), "ply", binary=not is_ascii)
-    elif program == "open3d":
-        o3d = pytest.importorskip("open3d")
-        mesh = o3d.geometry.TriangleMesh(
-            o3d.utility.Vector3dVector(BALL.vertices.copy()), o3d.utility.Vector3iVector(BALL.faces.copy())
-        )
-        o3d.io.write_triangle_mesh(str(path), mesh, write_ascii=is_ascii)
-    else:
-        pymeshlab = pytest.importorskip("pymeshlab")
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(BALL.vertices, BALL.faces))
-        meshes.save_current_mesh(str(path), binary=not is_ascii)
-    body = read(path.read_bytes()).bodies[0]
-    np.testing.assert_allclose(body.vertices, BALL.vertices, rtol=1e-5, atol=1e-5)
-    np.testing.assert_array_equal(body.faces, BALL.faces)
 
 
 @given(data=st.data())

@@ -1,7 +1,6 @@
 """Every dialect of STL gives the triangles that its writer meant, or is refused with line or triangle."""
 
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -214,38 +213,6 @@ def test_one_line_of_many_solids_takes_time_in_proportion() -> None:
     assert sum(len(body.faces) for body in read(one * 20_000).bodies) == 20_000
     with pytest.raises(errors.PipelineError):
         read_stl(b"solid a facet normal 0 0 1 outer loop " * 100_000, SETTINGS)
-
-
-@pytest.mark.parametrize("kind", ["binary", "ascii"])
-@pytest.mark.parametrize("program", ["trimesh", "meshio", "open3d", "pymeshlab", "numpy-stl"])
-def test_what_other_programs_write_is_read(program: str, kind: str, tmp_path: Path) -> None:
-    path, is_ascii = tmp_path / "part.stl", kind == "ascii"
-    if program == "trimesh":
-        trimesh = pytest.importorskip("trimesh")
-        mesh = trimesh.Trimesh(BALL.vertices, BALL.faces, process=False)
-        mesh.export(str(path), file_type="stl_ascii" if is_ascii else "stl")
-    elif program == "meshio":
-        meshio = pytest.importorskip("meshio")
-        meshio.Mesh(BALL.vertices, [("triangle", BALL.faces)]).write(str(path), "stl", binary=not is_ascii)
-    elif program == "open3d":
-        o3d = pytest.importorskip("open3d")
-        if is_ascii:
-            pytest.skip("Open3D writes binary STL only")
-        mesh = o3d.geometry.TriangleMesh(
-            o3d.utility.Vector3dVector(BALL.vertices.copy()), o3d.utility.Vector3iVector(BALL.faces.copy())
-        )
-        o3d.io.write_triangle_mesh(str(path), mesh.compute_triangle_normals())
-    elif program == "pymeshlab":
-        pymeshlab = pytest.importorskip("pymeshlab")
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(BALL.vertices, BALL.faces))
-        meshes.save_current_mesh(str(path), binary=not is_ascii)
-    else:
-        stl = pytest.importorskip("stl")
-        mesh = stl.mesh.Mesh(np.zeros(len(BALL.faces), dtype=stl.mesh.Mesh.dtype))
-        mesh.vectors[:] = BALL.vertices[BALL.faces]
-        mesh.save(str(path), mode=stl.Mode.ASCII if is_ascii else stl.Mode.BINARY)
-    np.testing.assert_allclose(corners_of(read(path.read_bytes())), CORNERS, rtol=1e-5, atol=1e-5)
 
 
 @given(
