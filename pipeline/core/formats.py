@@ -22,6 +22,7 @@ class Format(StrEnum):
     THREE_MF = "3mf"
     GLB = "glb"
     XYZ = "xyz"
+    STEP = "step"
 
 
 STL_HEADER_BYTES = 84
@@ -53,6 +54,8 @@ _HEAD_LINES = 200
 _OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S", re.MULTILINE)
 #: A key that glTF as JSON has at its top.
 _GLTF_KEY = re.compile(rb'"(?:asset|accessors|bufferViews|buffers|meshes|nodes|scenes?)"\s*:')
+#: The first word of a Part 21 file, after comments. A comment is matched in one way only.
+_STEP_HEAD = re.compile(rb"(?:/\*(?:[^*]|\*(?!/))*\*/\s*)*ISO-10303-21\s*;")
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -86,6 +89,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.GLB
     if head.startswith(b"PK\x03\x04"):
         return Format.THREE_MF
+    if _STEP_HEAD.match(text):
+        return Format.STEP
     if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):
         return Format.OFF
     if _is_text_stl(text, suffix):

@@ -26,6 +26,7 @@ from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
 from pipeline.stages.load.ply import read_ply
 from pipeline.stages.load.point_text import read_point_text
+from pipeline.stages.load.step import read_step
 from pipeline.stages.load.stl import read_stl
 from pipeline.stages.load.three_mf import read_three_mf
 from pipeline.stages.load.units import unit_of
@@ -38,6 +39,7 @@ READERS: dict[Format, Reader] = {
     Format.THREE_MF: read_three_mf,
     Format.GLB: read_glb,
     Format.XYZ: read_point_text,
+    Format.STEP: read_step,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
