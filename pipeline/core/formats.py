@@ -23,6 +23,7 @@ class Format(StrEnum):
     GLB = "glb"
     XYZ = "xyz"
     STEP = "step"
+    LAS = "las"
 
 
 STL_HEADER_BYTES = 84
@@ -87,6 +88,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.PLY
     if head.startswith(b"glTF") or (text.startswith(b"{") and _GLTF_KEY.search(text)):
         return Format.GLB
+    if head.startswith(b"LASF"):
+        return Format.LAS
     if head.startswith(b"PK\x03\x04"):
         return Format.THREE_MF
     if _STEP_HEAD.match(text):

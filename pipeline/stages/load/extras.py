@@ -8,6 +8,7 @@ from pipeline.core.formats import Format
 #: Packages that read a format, and the extra of this package that installs them.
 EXTRAS: dict[Format, tuple[tuple[str, ...], str]] = {
     Format.STEP: (("cascadio",), "step"),
+    Format.LAS: (("laspy", "lazrs"), "las"),
 }
 
 

@@ -22,6 +22,7 @@ from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Reader, joined
 from pipeline.stages.load.gltf import read_glb
+from pipeline.stages.load.las import read_las
 from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
 from pipeline.stages.load.ply import read_ply
@@ -40,6 +41,7 @@ READERS: dict[Format, Reader] = {
     Format.GLB: read_glb,
     Format.XYZ: read_point_text,
     Format.STEP: read_step,
+    Format.LAS: read_las,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
