@@ -19,7 +19,7 @@ LIBRARIES = (
     "scikit-learn",
 )
 #: The same, of the packages that read some formats, where they are installed.
-FORMAT_LIBRARIES = ("cascadio", "laspy", "lazrs", "pye57", "dracopy")
+FORMAT_LIBRARIES = ("cascadio", "laspy", "lazrs", "dracopy")
 
 
 @functools.cache

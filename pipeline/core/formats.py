@@ -24,6 +24,7 @@ class Format(StrEnum):
     XYZ = "xyz"
     STEP = "step"
     LAS = "las"
+    E57 = "e57"
 
 
 STL_HEADER_BYTES = 84
@@ -90,6 +91,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.GLB
     if head.startswith(b"LASF"):
         return Format.LAS
+    if head.startswith(b"ASTM-E57"):
+        return Format.E57
     if head.startswith(b"PK\x03\x04"):
         return Format.THREE_MF
     if _STEP_HEAD.match(text):

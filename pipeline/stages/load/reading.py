@@ -3,7 +3,7 @@ Errors name the file and the remedy.
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +16,12 @@ from pipeline.core.errors import (
     UnreadableFile,
 )
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
-from pipeline.core.mesh import Mesh
+from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Reader, joined
+from pipeline.stages.load.e57 import read_e57
 from pipeline.stages.load.gltf import read_glb
 from pipeline.stages.load.las import read_las
 from pipeline.stages.load.obj import read_obj
@@ -42,6 +43,7 @@ READERS: dict[Format, Reader] = {
     Format.XYZ: read_point_text,
     Format.STEP: read_step,
     Format.LAS: read_las,
+    Format.E57: read_e57,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
@@ -51,7 +53,8 @@ MAX_COORDINATE_MM = 1e8
 @dataclass(frozen=True, slots=True)
 class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
-    bytes; notes : what of the file is not used
+    bytes; notes : what of the file is not used; scanner_positions_mm : (k, 3) of the stations of the scan,
+    frame of the file, where it says so
     """
 
     mesh: Mesh
@@ -60,6 +63,7 @@ class Loaded:
     mm_per_unit: float
     sha256: str
     notes: tuple[Note, ...] = ()
+    scanner_positions_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -89,7 +93,15 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
     if mesh.is_cloud and needs_surface:
         raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
-    return Loaded(mesh, kind, unit, mm_per_unit, hashlib.sha256(data).hexdigest(), contents.notes)
+    return Loaded(
+        mesh,
+        kind,
+        unit,
+        mm_per_unit,
+        hashlib.sha256(data).hexdigest(),
+        contents.notes,
+        contents.scanner_positions * mm_per_unit,
+    )
 
 
 def _check_coordinates(mesh: Mesh) -> None:
