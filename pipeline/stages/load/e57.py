@@ -79,31 +79,32 @@ def _coordinates(scan: Scan) -> tuple[str, str, str]:
 
 def _placed(scan: Scan, names: tuple[str, str, str], values: dict[str, FloatArray]) -> _Read:
     """Points in the frame of the file, without invalid ones."""
-    first, second, third = (values[name] for name in names)
-    if names == SPHERICAL:  # section 5.5.3: azimuth from x to y, elevation from the xy plane
-        local = first[:, None] * np.stack(
-            [np.cos(second) * np.cos(third), np.sin(second) * np.cos(third), np.sin(third)], axis=1
-        )
-    else:
-        local = np.stack([first, second, third], axis=1)
+    first, second, third = columns = [values[name] for name in names]
     state = values.get(INVALID[names])
-    valid: BoolArray = np.ones(len(local), dtype=bool) if state is None else state == 0
-    valid &= np.isfinite(local).all(axis=1)
-    at_origin = valid & (local == 0).all(axis=1)
+    valid: BoolArray = np.ones(len(first), dtype=bool) if state is None else state == 0
+    at_origin = valid.copy()
+    for column in columns if names == CARTESIAN else [first]:
+        valid &= np.isfinite(column)
+        at_origin &= column == 0
     n_at_origin = int(at_origin.sum())
-    if n_at_origin < MIN_AT_ORIGIN:
-        n_at_origin = 0
-    else:
+    if n_at_origin >= MIN_AT_ORIGIN:
         valid &= ~at_origin
-    kept = local[valid]
-    placed = kept @ _rotation(scan).T + scan.translation
-    return _Read(placed, len(local) - len(kept) - n_at_origin, n_at_origin)
+    else:
+        n_at_origin = 0
+    first, second, third = columns if valid.all() else [column[valid] for column in columns]
+    if names == SPHERICAL:  # section 5.5.3: azimuth from x to y, elevation from the xy plane
+        reach = first * np.cos(third)
+        local = np.stack([reach * np.cos(second), reach * np.sin(second), first * np.sin(third)])
+    else:
+        local = np.stack([first, second, third])
+    if scan.has_rotation:
+        local = _rotation(scan) @ local
+    placed = np.ascontiguousarray((local + scan.translation[:, None]).T)
+    return _Read(placed, len(valid) - len(placed) - n_at_origin, n_at_origin)
 
 
 def _rotation(scan: Scan) -> FloatArray:
     """(3, 3) of the pose."""
-    if not scan.has_rotation:
-        return np.eye(3)
     w, x, y, z = scan.quaternion
     matrix: FloatArray = Rotation.from_quat([x, y, z, w]).as_matrix()
     return matrix
