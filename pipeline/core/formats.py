@@ -25,6 +25,7 @@ class Format(StrEnum):
     STEP = "step"
     LAS = "las"
     E57 = "e57"
+    VTP = "vtp"
 
 
 STL_HEADER_BYTES = 84
@@ -58,6 +59,7 @@ _OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S",
 _GLTF_KEY = re.compile(rb'"(?:asset|accessors|bufferViews|buffers|meshes|nodes|scenes?)"\s*:')
 #: The first word of a Part 21 file, after comments. A comment is matched in one way only.
 _STEP_HEAD = re.compile(rb"(?:/\*(?:[^*]|\*(?!/))*\*/\s*)*ISO-10303-21\s*;")
+_VTK_ROOT = re.compile(rb"<VTKFile\s")
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -95,6 +97,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.E57
     if head.startswith(b"PK\x03\x04"):
         return Format.THREE_MF
+    if text.startswith(b"<") and _VTK_ROOT.search(text):
+        return Format.VTP
     if _STEP_HEAD.match(text):
         return Format.STEP
     if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):

@@ -32,6 +32,7 @@ from pipeline.stages.load.step import read_step
 from pipeline.stages.load.stl import read_stl
 from pipeline.stages.load.three_mf import read_three_mf
 from pipeline.stages.load.units import unit_of
+from pipeline.stages.load.vtp import read_vtp
 
 READERS: dict[Format, Reader] = {
     Format.STL: read_stl,
@@ -44,6 +45,7 @@ READERS: dict[Format, Reader] = {
     Format.STEP: read_step,
     Format.LAS: read_las,
     Format.E57: read_e57,
+    Format.VTP: read_vtp,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
