@@ -26,6 +26,7 @@ class Format(StrEnum):
     LAS = "las"
     E57 = "e57"
     VTP = "vtp"
+    AMF = "amf"
 
 
 STL_HEADER_BYTES = 84
@@ -60,6 +61,10 @@ _GLTF_KEY = re.compile(rb'"(?:asset|accessors|bufferViews|buffers|meshes|nodes|s
 #: The first word of a Part 21 file, after comments. A comment is matched in one way only.
 _STEP_HEAD = re.compile(rb"(?:/\*(?:[^*]|\*(?!/))*\*/\s*)*ISO-10303-21\s*;")
 _VTK_ROOT = re.compile(rb"<VTKFile\s")
+_AMF_ROOT = re.compile(rb"<amf[\s>]", re.IGNORECASE)
+#: What a zip archive starts with, and an entry of it: bytes of the name are counted at 26, and follow at 30.
+ZIP = b"PK\x03\x04"
+_ZIP_NAME_LENGTH, _ZIP_NAME = 26, 30
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -95,10 +100,12 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.LAS
     if head.startswith(b"ASTM-E57"):
         return Format.E57
-    if head.startswith(b"PK\x03\x04"):
-        return Format.THREE_MF
+    if head.startswith(ZIP):
+        return _format_of_zip(head, suffix)
     if text.startswith(b"<") and _VTK_ROOT.search(text):
         return Format.VTP
+    if text.startswith(b"<") and _AMF_ROOT.search(text):
+        return Format.AMF
     if _STEP_HEAD.match(text):
         return Format.STEP
     if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):
@@ -114,6 +121,30 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
             return Format.XYZ
     extension = f" (file name extension {suffix!r})" if suffix else ""
     raise UnknownFormat(f"the content is not in a supported mesh format{extension}", mesh=mesh)
+
+
+def format_of_entry(name: str) -> Format | None:
+    """The format that a file in a zip archive stands for, by its name; None when it says nothing."""
+    lowered = name.lower()
+    if lowered.endswith(".model") or lowered in ("[content_types].xml", "_rels/.rels"):
+        return Format.THREE_MF
+    if lowered.endswith(".amf"):
+        return Format.AMF
+    return Format.GLB if lowered.endswith((".gltf", ".glb")) else None
+
+
+def _format_of_zip(head: bytes, suffix: str) -> Format:
+    """By the names of the files that start within `head`, and the name of the archive; 3MF where nothing is
+    said. The reader looks at all names.
+    """
+    at = 0
+    while at >= 0 and at + _ZIP_NAME < len(head):
+        length = int.from_bytes(head[at + _ZIP_NAME_LENGTH : at + _ZIP_NAME], "little") & 0xFFFF
+        kind = format_of_entry(head[at + _ZIP_NAME :][:length].decode("utf-8", errors="replace"))
+        if kind is not None:
+            return kind
+        at = head.find(ZIP, at + _ZIP_NAME)
+    return {".amf": Format.AMF, ".gltf": Format.GLB, ".glb": Format.GLB}.get(suffix, Format.THREE_MF)
 
 
 def _is_text_stl(text: bytes, suffix: str) -> bool:

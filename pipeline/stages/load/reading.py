@@ -20,6 +20,7 @@ from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
+from pipeline.stages.load.amf import read_amf
 from pipeline.stages.load.contents import Reader, joined
 from pipeline.stages.load.e57 import read_e57
 from pipeline.stages.load.gltf import read_glb
@@ -33,6 +34,7 @@ from pipeline.stages.load.stl import read_stl
 from pipeline.stages.load.three_mf import read_three_mf
 from pipeline.stages.load.units import unit_of
 from pipeline.stages.load.vtp import read_vtp
+from pipeline.stages.load.zip_archive import format_of_archive
 
 READERS: dict[Format, Reader] = {
     Format.STL: read_stl,
@@ -46,6 +48,7 @@ READERS: dict[Format, Reader] = {
     Format.LAS: read_las,
     Format.E57: read_e57,
     Format.VTP: read_vtp,
+    Format.AMF: read_amf,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
@@ -78,6 +81,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     """
     data = _read(source.path, name)
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
+    kind = format_of_archive(data, kind)
     try:
         contents = READERS[kind](data, settings)
         vertices, faces = joined(contents)
