@@ -22,7 +22,7 @@ from pipeline.stages.load.zip_archive import Archive
 #: Constellations within constellations.
 MAX_DEPTH = 32
 #: Instances that are placed, of all constellations.
-MAX_INSTANCES = 100_000
+MAX_INSTANCES = 10_000
 
 
 def read_amf(data: bytes, settings: LoadSettings) -> Contents:

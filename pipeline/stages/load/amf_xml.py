@@ -10,15 +10,29 @@ from array import array
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy.typing as npt
 from lxml import etree  # type: ignore[import-untyped]
 
 from pipeline.core.errors import MeshTooLarge, TruncatedFile, UnreadableFile
 from pipeline.core.formats import as_utf8
 from pipeline.core.settings import LoadSettings
+from pipeline.stages.load.amf_blocks import MARK, TRIANGLES, cut
 from pipeline.stages.load.three_mf_xml import OPTIONS
 
 #: Elements that are read whole, and then forgotten.
-_READ = ("vertex", "edge", "triangle", "volume", "object", "instance", "constellation", "metadata", "amf")
+_READ = (
+    "vertices",
+    TRIANGLES,
+    "vertex",
+    "edge",
+    "triangle",
+    "volume",
+    "object",
+    "instance",
+    "constellation",
+    "metadata",
+    "amf",
+)
 #: Digits of an index that may be too large for 64 bits, and what is read instead: no mesh has that vertex.
 MAX_DIGITS, LARGEST = 19, 2**63 - 1
 
@@ -66,9 +80,10 @@ def read_xml(data: bytes, settings: LoadSettings) -> Amf:
     text = as_utf8(data)  # for a look at it; the parser goes by the byte order mark and the declaration
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise UnreadableFile("the AMF declares a document type or entities, which are not read")
-    amf, reader = Amf(), _Reader(settings)
+    skeleton, tables = cut(data)
+    amf, reader = Amf(), _Reader(settings, tables)
     try:
-        for event, node in etree.iterparse(io.BytesIO(data), events=("start", "end"), **OPTIONS):
+        for event, node in etree.iterparse(io.BytesIO(skeleton), events=("start", "end"), **OPTIONS):
             if not isinstance(node.tag, str):
                 continue
             tag = etree.QName(node).localname.lower()
@@ -95,7 +110,8 @@ def read_xml(data: bytes, settings: LoadSettings) -> Amf:
 class _Reader:
     """The parts of what is not complete yet."""
 
-    def __init__(self, settings: LoadSettings) -> None:
+    def __init__(self, settings: LoadSettings, tables: list[npt.NDArray[Any]]) -> None:
+        self._tables = tables
         self._settings = settings
         self._n_vertices = self._n_triangles = 0
         self._object = AmfObject()
@@ -106,7 +122,9 @@ class _Reader:
 
     def take(self, tag: str, node: Any, amf: Amf) -> None:
         """An element that is complete."""
-        if tag == "vertex":
+        if tag in ("vertices", TRIANGLES):
+            self._table(node)
+        elif tag == "vertex":
             self._vertex(node)
         elif tag == "edge":
             self._object.n_curved += 1
@@ -139,6 +157,25 @@ class _Reader:
         if where is not None:
             where[key] = value
 
+    def _table(self, node: Any) -> None:
+        """Rows that were cut out."""
+        if node.get(MARK) is None or not self._tables:
+            return
+        table = self._tables[int(node.get(MARK))]
+        if table.dtype.kind == "f":
+            self._object.coordinates.frombytes(table.tobytes())
+            self._count(vertices=len(table) // 3)
+        else:
+            self._triangles.frombytes(table.tobytes())
+            self._count(triangles=len(table) // 3)
+
+    def _count(self, vertices: int = 0, triangles: int = 0) -> None:
+        self._n_vertices, self._n_triangles = self._n_vertices + vertices, self._n_triangles + triangles
+        if self._n_vertices > self._settings.max_points:
+            raise MeshTooLarge(f"the AMF has more than {self._settings.max_points} vertices")
+        if self._n_triangles > self._settings.max_faces:
+            raise MeshTooLarge(f"the AMF has more than {self._settings.max_faces} triangles")
+
     def _vertex(self, node: Any) -> None:
         place = node.find("{*}coordinates")
         found = {} if place is None else {etree.QName(each).localname.lower(): each for each in place}
@@ -146,9 +183,7 @@ class _Reader:
             raise UnreadableFile(f"the AMF, line {node.sourceline}: a vertex has no coordinates x, y and z")
         self._object.coordinates.extend([_real(found[axis], node) for axis in "xyz"])
         self._object.n_curved += node.find("{*}normal") is not None
-        self._n_vertices += 1
-        if self._n_vertices > self._settings.max_points:
-            raise MeshTooLarge(f"the AMF has more than {self._settings.max_points} vertices")
+        self._count(vertices=1)
 
     def _triangle(self, node: Any) -> None:
         found = {etree.QName(each).localname.lower(): (each.text or "").strip() for each in node}
@@ -159,9 +194,7 @@ class _Reader:
                 "not three indices"
             )
         self._triangles.extend([int(corner) if len(corner) < MAX_DIGITS else LARGEST for corner in corners])
-        self._n_triangles += 1
-        if self._n_triangles > self._settings.max_faces:
-            raise MeshTooLarge(f"the AMF has more than {self._settings.max_faces} triangles")
+        self._count(triangles=1)
 
 
 def _has_text(node: Any) -> bool:

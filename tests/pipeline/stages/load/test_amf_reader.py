@@ -128,6 +128,19 @@ def test_a_zip_named_otherwise_is_read_by_its_content(tmp_path: Path) -> None:
     assert loaded.format == Format.AMF and len(loaded.mesh.faces) == len(BOX.faces)
 
 
+def test_both_ways_to_read_rows_give_the_same_also_lines_of_errors() -> None:
+    slow = PLAIN.replace(b"<object", b"<!-- no fast path --><object")
+    own = PLAIN.replace(b"<mesh>", b'<mesh><vertices cusp-rows="7"/>')
+    for data in (PLAIN, slow, own):
+        contents = read(data)
+        np.testing.assert_array_equal(joined(contents)[0], BOX.vertices)
+        with pytest.raises(errors.UnreadableFile, match="line 30: 'x' where"):
+            read(
+                data.replace(b"</amf>", b"")
+                + b"<constellation><instance><rx>x</rx></instance></constellation></amf>"
+            )
+
+
 def test_volumes_are_bodies_with_their_names_and_used_vertices() -> None:
     parts = volume(BOX.faces[:2], name="lid"), volume(BOX.faces[2:])
     contents = read(amf(thing(3, *parts, name="case")))
