@@ -37,7 +37,8 @@ def read_amf(data: bytes, settings: LoadSettings) -> Contents:
     """
     amf = read_xml(_unzipped(data, settings).lstrip(), settings)
     builder = _Builder(amf, settings)
-    builder.build()
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
+        builder.build()
     if not builder.bodies:
         found = ", ".join(_phrase(role, names) for role, names in builder.left_out.items())
         raise UnreadableFile(
