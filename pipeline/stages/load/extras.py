@@ -3,21 +3,19 @@
 from importlib.util import find_spec
 
 from pipeline.core.errors import UnreadableFile
-from pipeline.core.formats import Format
 
-#: Packages that read a format, and the extra of this package that installs them.
-EXTRAS: dict[Format, tuple[tuple[str, ...], str]] = {
-    Format.STEP: (("cascadio",), "step"),
-    Format.LAS: (("laspy", "lazrs"), "las"),
-}
+#: Modules by the extra of this package that installs them.
+EXTRAS = {"step": ("cascadio",), "las": ("laspy", "lazrs"), "draco": ("DracoPy",)}
 
 
-def require(kind: Format) -> None:
-    """Raise UnreadableFile, with what to install, where a package for the format is missing."""
-    packages, extra = EXTRAS[kind]
-    missing = [package for package in packages if find_spec(package) is None]
+def require(extra: str, what: str) -> None:
+    """Raise UnreadableFile, with what to install, where a module of an extra is missing.
+
+    what : what is read with it
+    """
+    missing = [module for module in EXTRAS[extra] if find_spec(module) is None]
     if missing:
         raise UnreadableFile(
-            f"to read {kind.upper()}, this installation lacks the package {' and '.join(missing)}",
+            f"to read {what}, this installation lacks the package {' and '.join(missing)}",
             remedy=f"install it with `pip install cusp[{extra}]`, or send another format",
         )

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.errors import MeshTooLarge, PipelineError, TruncatedFile, UnreadableFile
-from pipeline.core.formats import Format
 from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
@@ -41,7 +40,7 @@ def read_las(data: bytes, settings: LoadSettings) -> Contents:
     ------
     TruncatedFile, UnreadableFile, MeshTooLarge
     """
-    require(Format.LAS)
+    require("las", "a LAS")
     import laspy
 
     if len(data) < HEADER_BYTES:

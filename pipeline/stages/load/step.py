@@ -8,7 +8,7 @@ exactly, and an open edge says that a face is missing. Names of B-rep faces are 
 import numpy as np
 
 from pipeline.core.errors import UnreadableFile
-from pipeline.core.formats import Format, as_utf8
+from pipeline.core.formats import as_utf8
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, Contents
@@ -37,7 +37,7 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
     ------
     TruncatedFile, UnreadableFile, MeshTooLarge
     """
-    require(Format.STEP)
+    require("step", "a STEP")
     data = as_utf8(data).lstrip()
     text = read_step_text(data)
     coarse = _bodies(tessellated(data, COARSE_MM), settings, text)
