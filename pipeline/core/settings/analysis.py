@@ -11,7 +11,10 @@ class LoadSettings(Section):
     max_faces: int = Field(5_000_000, ge=1, description="refuse a mesh with more triangles")
     max_points: int = Field(10_000_000, ge=1, description="refuse a mesh or cloud with more vertices")
     max_archive_expansion: int = Field(
-        200, ge=1, description="refuse a 3MF that unpacks to more than this many times its size (zip bomb)"
+        200,
+        ge=1,
+        description="refuse a file (3MF, AMF, glTF in a zip, VTP) that unpacks to more than this many times "
+        "its size (zip bomb)",
     )
 
 
