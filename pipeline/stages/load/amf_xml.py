@@ -86,7 +86,7 @@ def read_xml(data: bytes, settings: LoadSettings) -> Amf:
         for event, node in etree.iterparse(io.BytesIO(skeleton), events=("start", "end"), **OPTIONS):
             if not isinstance(node.tag, str):
                 continue
-            tag = etree.QName(node).localname.lower()
+            tag = _local(node)
             if event == "start":
                 if tag == "amf":
                     amf.unit = (node.get("unit") or "millimeter").strip().lower()
@@ -139,9 +139,7 @@ class _Reader:
             amf.objects[node.get("id") or ""] = self._object
             self._object = AmfObject()
         elif tag == "instance":
-            values = {
-                etree.QName(each).localname.lower(): _real(each, node) for each in node if _has_text(each)
-            }
+            values = {_local(each): _real(each, node) for each in node if _has_text(each)}
             self._instances.append(Instance(node.get("objectid") or "", values, node.sourceline or 0))
         elif tag == "constellation":
             amf.constellations[node.get("id") or ""] = self._instances
@@ -152,7 +150,7 @@ class _Reader:
     def _take_metadata(self, node: Any, amf: Amf) -> None:
         key, value = (node.get("type") or "").lower(), (node.text or "").strip()
         parent = node.getparent()
-        owner = "" if parent is None else etree.QName(parent).localname.lower()
+        owner = "" if parent is None else _local(parent)
         where = {"amf": amf.metadata, "object": self._metadata, "volume": self._volume_metadata}.get(owner)
         if where is not None:
             where[key] = value
@@ -178,7 +176,7 @@ class _Reader:
 
     def _vertex(self, node: Any) -> None:
         place = node.find("{*}coordinates")
-        found = {} if place is None else {etree.QName(each).localname.lower(): each for each in place}
+        found = {} if place is None else {_local(each): each for each in place}
         if not found.keys() >= {"x", "y", "z"}:
             raise UnreadableFile(f"the AMF, line {node.sourceline}: a vertex has no coordinates x, y and z")
         self._object.coordinates.extend([_real(found[axis], node) for axis in "xyz"])
@@ -186,7 +184,7 @@ class _Reader:
         self._count(vertices=1)
 
     def _triangle(self, node: Any) -> None:
-        found = {etree.QName(each).localname.lower(): (each.text or "").strip() for each in node}
+        found = {_local(each): (each.text or "").strip() for each in node}
         corners = [found.get(name, "") for name in ("v1", "v2", "v3")]
         if not all(corner.isdigit() for corner in corners):
             raise UnreadableFile(
@@ -195,6 +193,11 @@ class _Reader:
             )
         self._triangles.extend([int(corner) if len(corner) < MAX_DIGITS else LARGEST for corner in corners])
         self._count(triangles=1)
+
+
+def _local(node: Any) -> str:
+    """The name without namespace, in lower case; empty of a comment."""
+    return str(node.tag).rpartition("}")[2].lower() if isinstance(node.tag, str) else ""
 
 
 def _has_text(node: Any) -> bool:

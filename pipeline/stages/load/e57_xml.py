@@ -106,8 +106,8 @@ def _is_leaf(node: Any) -> bool:
 
 
 def _field(node: Any, label: str) -> FieldType:
-    name = etree.QName(node)
-    own = name.localname if name.namespace in (NAMESPACE, None) else ""
+    namespace, _, name = node.tag.rpartition("}")
+    own = name if namespace in (f"{{{NAMESPACE}", "") else ""
     kind = node.get("type")
     scale, offset = (
         _real(node.get(key), default, label) for key, default in (("scale", 1.0), ("offset", 0.0))
@@ -117,7 +117,7 @@ def _field(node: Any, label: str) -> FieldType:
         for key, default in (("minimum", INT64_MIN), ("maximum", INT64_MAX))
     )
     if highest < lowest:
-        raise UnreadableFile(f"the points of {label} of the E57 have {own or name.localname} of no range")
+        raise UnreadableFile(f"the points of {label} of the E57 have {name[:40]} of no range")
     return FieldType(own, kind, 4 if node.get("precision") == "single" else 8, lowest, highest, scale, offset)
 
 
