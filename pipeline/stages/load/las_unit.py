@@ -25,6 +25,8 @@ METRES = {
 _WKT_UNIT = re.compile(r'(?:LENGTHUNIT|(?<![A-Z])UNIT)\s*\[\s*"([^"]*)"\s*,\s*([-+0-9.eE]+)')
 _DEGREES = re.compile(r"^\s*(?:GEOGCS|GEOGCRS|GEODCRS|GEODETICCRS|GEOGRAPHICCRS)\s*\[", re.IGNORECASE)
 _VERTICAL = re.compile(r"VERT_CS|VERTCRS|VERTICALCRS", re.IGNORECASE)
+#: Code of the note where none is declared.
+ASSUMED_UNIT = "unit_assumed"
 #: Relative difference of two factors that are the same unit: foot and US survey foot differ by 2e-6.
 SAME_UNIT = 1e-7
 

@@ -19,12 +19,13 @@ from pipeline.core.formats import HEAD_BYTES, Format, detect_format
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
-from pipeline.core.settings import LoadSettings
+from pipeline.core.settings import LoadSettings, Unit
 from pipeline.stages.load.amf import read_amf
-from pipeline.stages.load.contents import Reader, joined
+from pipeline.stages.load.contents import Contents, Reader, joined
 from pipeline.stages.load.e57 import read_e57
 from pipeline.stages.load.gltf import read_glb
 from pipeline.stages.load.las import read_las
+from pipeline.stages.load.las_unit import ASSUMED_UNIT
 from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
 from pipeline.stages.load.ply import read_ply
@@ -105,9 +106,14 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         unit,
         mm_per_unit,
         hashlib.sha256(data).hexdigest(),
-        contents.notes,
+        _notes(contents, source.unit),
         contents.scanner_positions * mm_per_unit,
     )
+
+
+def _notes(contents: Contents, requested: Unit) -> tuple[Note, ...]:
+    """Without the note of an assumed unit, where the user says the unit."""
+    return tuple(note for note in contents.notes if requested == "auto" or note.code != ASSUMED_UNIT)
 
 
 def _check_coordinates(mesh: Mesh) -> None:

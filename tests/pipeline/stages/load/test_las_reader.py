@@ -5,6 +5,7 @@ The files are written by `laspy` and changed here. Dialects are named with their
 
 import io
 import struct
+from pathlib import Path
 from typing import Any
 
 import laspy
@@ -16,8 +17,9 @@ from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinat
 
 from pipeline.core import errors
 from pipeline.core.formats import Format, detect_format
+from pipeline.core.mesh_file import MeshFile
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load import las
+from pipeline.stages.load import las, load
 from pipeline.stages.load.contents import Contents, joined
 from pipeline.stages.load.las import read_las
 from pipeline.stages.load.las_unit import unit_of_las
@@ -174,6 +176,14 @@ def test_the_unit_is_that_of_the_coordinate_system(record: Any, unit: str) -> No
 def test_a_file_without_coordinate_system_is_read_as_mm_with_a_note() -> None:
     contents = read(made())
     assert contents.unit is None and [note.code for note in contents.notes] == ["unit_assumed"]
+
+
+def test_the_note_of_the_unit_is_left_out_where_the_user_says_it(tmp_path: Path) -> None:
+    (tmp_path / "scan.las").write_bytes(made())
+    for unit, expected in (("auto", ["unit_assumed"]), ("m", [])):
+        file = MeshFile(tmp_path / "scan.las", unit=unit)  # type: ignore[arg-type]
+        loaded = load(file, "scan", LoadSettings(), needs_surface=False)
+        assert [note.code for note in loaded.notes] == expected
 
 
 @pytest.mark.parametrize("record", [keys(model=2), wkt('GEOGCS["WGS 84",UNIT["degree",0.0174]]')])
