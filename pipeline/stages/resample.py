@@ -178,8 +178,8 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
     if len(cloud.points) < NORMAL_NEIGHBOURS:  # too few for a single normal: Open3D would fail
         size = ", ".join(f"{side:.3g}" for side in np.ptp(points, axis=0))
         raise ResampleFailed(
-            f"the {len(points)} points extend over ({size}) mm, which is too small for a surface with edges of "
-            f"{edge_mm:.3g} mm, which the size of the design asks for",
+            f"the {len(points)} points extend over ({size}) mm, which is too small for a surface with "
+            f"edges of {edge_mm:.3g} mm, which the size of the design asks for",
             mesh=name,
             remedy="set the unit of the file in options.units, or send a scan of more of the part",
         )

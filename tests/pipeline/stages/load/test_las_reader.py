@@ -180,7 +180,7 @@ def test_a_file_without_coordinate_system_is_read_as_mm_with_a_note() -> None:
 
 def test_the_note_of_the_unit_is_left_out_where_the_user_says_it(tmp_path: Path) -> None:
     (tmp_path / "scan.las").write_bytes(made())
-    for unit, expected in (("auto", ["unit_assumed"]), ("m", [])):
+    for unit, expected in (("auto", ["unit_assumed"]), ("cm", [])):
         file = MeshFile(tmp_path / "scan.las", unit=unit)  # type: ignore[arg-type]
         loaded = load(file, "scan", LoadSettings(), needs_surface=False)
         assert [note.code for note in loaded.notes] == expected
