@@ -57,8 +57,9 @@ def read_e57(data: bytes, settings: LoadSettings) -> Contents:
     for scan in scans:
         names = _coordinates(scan)
         wanted = {*names, INVALID[names]}
-        values = read_fields(pages, scan.points_at, scan.count, scan.fields, wanted, scan.label)
-        read.append(_placed(scan, names, values))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left out or refused
+            values = read_fields(pages, scan.points_at, scan.count, scan.fields, wanted, scan.label)
+            read.append(_placed(scan, names, values))
     bodies = [
         Body.cloud(each.points, scan.name) for scan, each in zip(scans, read, strict=True) if len(each.points)
     ]
@@ -112,7 +113,7 @@ def _rotation(scan: Scan) -> FloatArray:
 
 def _invalid(read: list[_Read], count: int) -> list[Note]:
     n_invalid, n_origin = (sum(getattr(each, name) for each in read) for name in ("n_invalid", "n_at_origin"))
-    parts = [f"{n_invalid} marked as invalid"] * (n_invalid > 0)
+    parts = [f"{n_invalid} marked as invalid or not finite"] * (n_invalid > 0)
     parts += [f"{n_origin} exactly at the origin of their scan"] * (n_origin > 0)
     if not parts:
         return []

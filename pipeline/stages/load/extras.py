@@ -17,5 +17,6 @@ def require(extra: str, what: str) -> None:
     if missing:
         raise UnreadableFile(
             f"to read {what}, this installation lacks the package {' and '.join(missing)}",
-            remedy=f"install it with `pip install cusp[{extra}]`, or send another format",
+            remedy=f"install it with `pip install {' '.join(missing)}` (the extra `{extra}` of Cusp), "
+            "or send another format",
         )

@@ -90,7 +90,8 @@ def _points(piece: Any, arrays: Arrays, where: str) -> FloatArray:
         raise UnreadableFile(
             f"the points of {where} of the VTP have {node.get('NumberOfComponents')[:9]} numbers"
         )
-    values = arrays.read(node, f"points of {where}").astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a NaN of single precision may signal
+        values = arrays.read(node, f"points of {where}").astype(np.float64)
     announced = piece.get("NumberOfPoints")
     n_points, remainder = divmod(len(values), DIMENSIONS)
     if remainder or (announced and announced.isdigit() and int(announced) != n_points):

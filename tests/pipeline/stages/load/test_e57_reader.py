@@ -102,6 +102,11 @@ def plain(folder: Path) -> bytes:
     return written(folder, {"data": cartesian(POINTS), "rotation": QUATERNION, "translation": TRANSLATION})
 
 
+@pytest.fixture(scope="module")
+def small(folder: Path) -> bytes:
+    return written(folder, {"data": cartesian(POINTS[:40]), "rotation": QUATERNION})
+
+
 def test_scans_with_poses_are_one_cloud_as_libe57_reads_it(folder: Path) -> None:
     state = (np.arange(len(POINTS)) % 10 == 0).astype(np.int8)
     data = written(
@@ -131,7 +136,7 @@ def test_scans_with_poses_are_one_cloud_as_libe57_reads_it(folder: Path) -> None
     # the third scan has the identity as pose, which is no position
     np.testing.assert_allclose(contents.scanner_positions, [TRANSLATION, [0, 3, 0]])
     assert [note.code for note in contents.notes] == ["points_without_position", "scanner_positions"]
-    assert "500 marked as invalid of 15000" in contents.notes[0].detail
+    assert "500 marked as invalid or not finite of 15000" in contents.notes[0].detail
     assert "3 scans were put in one frame" in contents.notes[1].detail
     assert "(10, -20, 1.5), (0, 3, 0) m" in contents.notes[1].detail
 
@@ -285,6 +290,14 @@ def test_the_checksum_is_that_of_the_standard() -> None:
     assert checksums(rows).tolist() == [0x8A9136AA, 0x62A8AB43, 0x46DD794E]
 
 
+def test_a_signalling_nan_is_no_point(folder: Path) -> None:
+    bits = np.full(10, 0x3F800000, dtype=np.uint32)
+    bits[3] = 0x7FA00000
+    single = lambda image: libe57.FloatNode(image, 0.0, libe57.E57_SINGLE)  # noqa: E731
+    columns = {name: (single, bits.view(np.float32)) for name in ("cartesianX", "cartesianY", "cartesianZ")}
+    assert len(joined(read(by_nodes(folder, columns)))[0]) == 9
+
+
 @given(st.integers(0, 64), st.data())
 def test_integers_of_any_width_are_unpacked(bits: int, data: st.DataObject) -> None:
     values = data.draw(st.lists(st.integers(0, 2**bits - 1), max_size=40))
@@ -299,9 +312,9 @@ def test_integers_of_any_width_are_unpacked(bits: int, data: st.DataObject) -> N
     st.sampled_from([b"\xff", b"\0\0\0\0", b"\xff" * 8, b"9", b"-", b"<", b"\x01"]),
 )
 def test_a_changed_payload_with_right_checksums_is_read_or_refused(
-    plain: bytes, in_xml: bool, at: int, evil: bytes
+    small: bytes, in_xml: bool, at: int, evil: bytes
 ) -> None:
-    rows = np.frombuffer(plain, dtype=np.uint8).reshape(-1, 1024)
+    rows = np.frombuffer(small, dtype=np.uint8).reshape(-1, 1024)
     payload = bytearray(rows[:, :PAYLOAD_BYTES].tobytes())
     first = payload.index(b"<?xml") if in_xml else 0
     place = first + at % (len(payload) - 9 - first)

@@ -163,7 +163,7 @@ def test_without_the_package_the_error_says_what_to_install(monkeypatch: pytest.
     monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "DracoPy" else util.find_spec(name))
     with pytest.raises(errors.UnreadableFile, match=r"KHR_draco_mesh_compression\), this") as refused:
         read(draco(encoded()).glb())
-    assert "pip install cusp[draco]" in refused.value.remedy
+    assert "`pip install DracoPy` (the extra `draco`" in refused.value.remedy
 
 
 BROKEN = [ARCHIVES["beside"], draco(encoded(BALL.vertices.astype(np.float32), quantization_bits=11)).glb()]

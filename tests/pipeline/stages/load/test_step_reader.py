@@ -234,7 +234,10 @@ def test_without_the_package_the_error_says_what_to_install(monkeypatch: pytest.
     )
     with pytest.raises(errors.UnreadableFile) as refused:
         read(BOX)
-    assert "cascadio" in refused.value.reason and "pip install cusp[step]" in refused.value.remedy
+    assert (
+        "cascadio" in refused.value.reason
+        and "`pip install cascadio` (the extra `step` of Cusp)" in refused.value.remedy
+    )
 
 
 def test_a_crash_and_a_lack_of_memory_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
