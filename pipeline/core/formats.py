@@ -65,6 +65,8 @@ _AMF_ROOT = re.compile(rb"<amf[\s>]", re.IGNORECASE)
 #: What a zip archive starts with, and an entry of it: bytes of the name are counted at 26, and follow at 30.
 ZIP = b"PK\x03\x04"
 _ZIP_NAME_LENGTH, _ZIP_NAME = 26, 30
+#: Characters of a name that are looked at; longer ones are told by the reader.
+_MAX_ZIP_NAME = 256
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -139,8 +141,9 @@ def _format_of_zip(head: bytes, suffix: str) -> Format:
     """
     at = 0
     while at >= 0 and at + _ZIP_NAME < len(head):
-        length = int.from_bytes(head[at + _ZIP_NAME_LENGTH : at + _ZIP_NAME], "little") & 0xFFFF
-        kind = format_of_entry(head[at + _ZIP_NAME :][:length].decode("utf-8", errors="replace"))
+        length = int.from_bytes(head[at + _ZIP_NAME_LENGTH : at + _ZIP_NAME_LENGTH + 2], "little")
+        name = head[at + _ZIP_NAME : at + _ZIP_NAME + min(length, _MAX_ZIP_NAME)]
+        kind = format_of_entry(name.decode("utf-8", errors="replace"))
         if kind is not None:
             return kind
         at = head.find(ZIP, at + _ZIP_NAME)
