@@ -31,7 +31,7 @@ ROUNDING_SHARE = 2.0**-24
 def read_step(data: bytes, settings: LoadSettings) -> Contents:
     """One body for each placed part, with its name.
 
-    Notes: `several_parts`, `step_surfaces`, `step_open_solid`, `left_out_of_step`.
+    Notes: `several_parts`, `step_surfaces`, `step_open_solid`, `step_hidden`, `left_out_of_step`.
 
     Raises
     ------
@@ -46,7 +46,13 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
         raise UnreadableFile("the surfaces of the STEP have no extent")
     bodies = _bodies(tessellated(data, tolerance_mm), settings, text)
     _check_rounding(bodies, tolerance_mm)
-    notes = [*_several(bodies, text), *_surfaces(text), *_open(bodies, text), *_elsewhere(text)]
+    notes = [
+        *_several(bodies, text),
+        *_surfaces(text),
+        *_open(bodies, text),
+        *_elsewhere(text),
+        *_hidden(text),
+    ]
     mm_per_unit = DECLARED[text.unit][1] if text.unit else 1.0
     scale = MM_PER_METRE / mm_per_unit
     scaled = tuple(Body(body.vertices * scale, body.faces, body.name) for body in bodies)
@@ -147,6 +153,18 @@ def _open_edges(body: Body) -> int:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges = edges[edges[:, 0] != edges[:, 1]]
     return int((np.unique(edges, axis=0, return_counts=True)[1] % 2 == 1).sum())
+
+
+def _hidden(text: StepText) -> list[Note]:
+    if not text.hidden_names:
+        return []
+    listing = listed([name or "without name" for name in text.hidden_names])
+    one = len(text.hidden_names) == 1
+    detail = (
+        f"the STEP: {len(text.hidden_names)} {'solid is' if one else 'solids are'} hidden ({listing}) and "
+        f"{'was' if one else 'were'} read as the others; if they are not the part, export it without them"
+    )
+    return [Note(code="step_hidden", detail=detail)]
 
 
 def _elsewhere(text: StepText) -> list[Note]:

@@ -9,8 +9,14 @@ from dataclasses import dataclass
 from pipeline.core.errors import TruncatedFile, UnreadableFile
 
 _SCHEMA = re.compile(rb"FILE_SCHEMA\s*\(\s*\(\s*'\s*([^'\s{]*)")
-_SOLID = re.compile(rb"=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'")
+_SOLID = re.compile(
+    rb"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'"
+)
 _SURFACE = re.compile(rb"=\s*(?:SHELL_BASED_SURFACE_MODEL|FACE_BASED_SURFACE_MODEL)\s*\(")
+_HIDDEN = re.compile(rb"=\s*INVISIBILITY\s*\(\s*\(([^)]*)\)")
+_STYLED = re.compile(
+    rb"#(\d+)\s*=\s*(?:OVER_RIDING_)?STYLED_ITEM\s*\(\s*'[^']*'\s*,\s*\([^)]*\)\s*,\s*#(\d+)"
+)
 _EXTERNAL = re.compile(rb"=\s*DOCUMENT_FILE\s*\(")
 _CONTEXT_UNITS = re.compile(rb"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\s*\(([^)]*)\)")
 _REFERENCE = re.compile(rb"#(\d+)")
@@ -27,13 +33,14 @@ _OTHERWISE = "millimeter"
 class StepText:
     """unit : key of `units.DECLARED`: of the file, `millimeter` for another or several, None when it declares
     none; solid_names : of each solid; surfaces : number of models of open surfaces; external : number of
-    references to other files
+    references to other files; hidden_names : of each solid that is marked as invisible
     """
 
     unit: str | None
     solid_names: tuple[str, ...]
     surfaces: int
     external: int
+    hidden_names: tuple[str, ...] = ()
 
     @property
     def solids(self) -> int:
@@ -54,8 +61,19 @@ def read_step_text(data: bytes) -> StepText:
             f"the STEP is a building model ({schema[1].decode(errors='replace')[:20]}), which is not read",
             remedy="export the part as STEP AP203, AP214 or AP242, or as STL",
         )
-    names = tuple(name.decode(errors="replace").replace("''", "'") for name in _SOLID.findall(data))
-    return StepText(_unit(data), names, len(_SURFACE.findall(data)), len(_EXTERNAL.findall(data)))
+    solids = {
+        number: name.decode(errors="replace").replace("''", "'") for number, name in _SOLID.findall(data)
+    }
+    marked = _hidden(data)
+    hidden = tuple(name for number, name in solids.items() if number in marked)
+    surfaces, external = len(_SURFACE.findall(data)), len(_EXTERNAL.findall(data))
+    return StepText(_unit(data), tuple(solids.values()), surfaces, external, hidden)
+
+
+def _hidden(data: bytes) -> set[bytes]:
+    """Numbers of the entities whose style is marked as invisible."""
+    marked = {number for group in _HIDDEN.findall(data) for number in _REFERENCE.findall(group)}
+    return {item for style, item in _STYLED.findall(data) if style in marked} if marked else set()
 
 
 def _unit(data: bytes) -> str | None:

@@ -125,6 +125,20 @@ def test_several_solids_of_one_part_are_listed_by_name() -> None:
     assert volume(contents) == pytest.approx(12.0, rel=1e-6)
 
 
+def test_hidden_solids_are_read_and_named() -> None:
+    made = Step()
+    shown = made.solid(made.box_faces(SIZE), "part")
+    help_body = made.solid(made.box_faces(SIZE, np.array([5.0, 0, 0])), "jig")
+    made.product("pair", [shown, help_body])
+    style = made.add("PRESENTATION_STYLE_ASSIGNMENT((.NULL.))")
+    styles = [made.add(f"STYLED_ITEM('',(#{style}),#{each})") for each in (shown, help_body)]
+    made.add(f"INVISIBILITY((#{styles[1]}))")
+    contents = read(made.text())
+    assert volume(contents) == pytest.approx(12.0, rel=1e-6)
+    assert codes(contents) == ["several_parts", "step_hidden"]
+    assert "1 solid is hidden (jig) and was read" in contents.notes[1].detail
+
+
 def test_surfaces_without_a_solid_are_read_and_named() -> None:
     made = Step()
     sheet = made.surface(made.box_faces(SIZE)[:5])
