@@ -13,7 +13,7 @@ ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN python3 -m venv /opt/cusp
 # Libraries first, so that a change of our code does not download them again.
 COPY pyproject.toml constraints.txt ./
-RUN python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > requirements.txt \
+RUN python3 -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['formats'], sep='\n')" > requirements.txt \
     && /opt/cusp/bin/pip install --constraint constraints.txt --requirement requirements.txt
 COPY LICENSE README.md CMakeLists.txt ./
 COPY pipeline pipeline

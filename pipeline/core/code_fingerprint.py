@@ -3,7 +3,8 @@
 import functools
 import hashlib
 import sys
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 SUFFIXES = (".py", ".so")
@@ -17,6 +18,8 @@ LIBRARIES = (
     "fast-simplification",
     "scikit-learn",
 )
+#: The same, of the packages that read some formats, where they are installed.
+FORMAT_LIBRARIES = ("cascadio", "laspy", "lazrs", "dracopy")
 
 
 @functools.cache
@@ -25,7 +28,21 @@ def code_fingerprint() -> str:
 
     Computed once per process. Imports none of the libraries.
     """
-    return fingerprint_of(_package_folders(), {name: version(name) for name in LIBRARIES})
+    return fingerprint_of(_package_folders(), versions_of(LIBRARIES) | versions_of_formats())
+
+
+def versions_of(names: tuple[str, ...]) -> dict[str, str]:
+    """Versions of distributions that are installed."""
+    return {name: version(name) for name in names}
+
+
+def versions_of_formats() -> dict[str, str]:
+    """Versions of those of `FORMAT_LIBRARIES` that are installed."""
+    found = {}
+    for name in FORMAT_LIBRARIES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def fingerprint_of(folders: list[Path], versions: dict[str, str]) -> str:

@@ -39,7 +39,10 @@ class EmptyFile(PipelineError):
 
 class UnknownFormat(PipelineError):
     code = "unknown_format"
-    default_remedy = "send STL, PLY, OBJ, OFF, 3MF or GLB; a scan may also be a PLY or XYZ point cloud"
+    default_remedy = (
+        "send STL, PLY, OBJ, OFF, 3MF, GLB, AMF, VTP or STEP; "
+        "a scan may also be points as PLY, XYZ, LAS, LAZ or E57"
+    )
 
 
 class TruncatedFile(PipelineError):

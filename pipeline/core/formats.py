@@ -23,6 +23,11 @@ class Format(StrEnum):
     THREE_MF = "3mf"
     GLB = "glb"
     XYZ = "xyz"
+    STEP = "step"
+    LAS = "las"
+    E57 = "e57"
+    VTP = "vtp"
+    AMF = "amf"
 
 
 STL_HEADER_BYTES = 84
@@ -54,6 +59,15 @@ _HEAD_LINES = 200
 _OBJ_LINE = re.compile(rb"^[^\S\n]*(?:v|vn|vt|f|o|g|s|mtllib|usemtl)[^\S\n]+\S", re.MULTILINE)
 #: A key that glTF as JSON has at its top.
 _GLTF_KEY = re.compile(rb'"(?:asset|accessors|bufferViews|buffers|meshes|nodes|scenes?)"\s*:')
+#: The first word of a Part 21 file, after comments. A comment is matched in one way only.
+_STEP_HEAD = re.compile(rb"(?:/\*(?:[^*]|\*(?!/))*\*/\s*)*ISO-10303-21\s*;")
+_VTK_ROOT = re.compile(rb"<VTKFile\s")
+_AMF_ROOT = re.compile(rb"<amf[\s>]", re.IGNORECASE)
+#: What a zip archive starts with, and an entry of it: bytes of the name are counted at 26, and follow at 30.
+ZIP = b"PK\x03\x04"
+_ZIP_NAME_LENGTH, _ZIP_NAME = 26, 30
+#: Characters of a name that are looked at; longer ones are told by the reader.
+_MAX_ZIP_NAME = 256
 
 
 def as_utf8(data: bytes) -> bytes:
@@ -86,9 +100,21 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         return Format.PLY
     if head.startswith(b"glTF") or (text.startswith(b"{") and _GLTF_KEY.search(text)):
         return Format.GLB
-    if head.startswith(b"PK\x03\x04"):
-        _refuse(foreign_zip(head, suffix), mesh)
-        return Format.THREE_MF
+    if head.startswith(b"LASF"):
+        return Format.LAS
+    if head.startswith(b"ASTM-E57"):
+        return Format.E57
+    if head.startswith(ZIP):
+        kind = _format_of_zip(head, suffix)
+        if kind is Format.THREE_MF:  # also where the names say nothing
+            _refuse(foreign_zip(head, suffix), mesh)
+        return kind
+    if text.startswith(b"<") and _VTK_ROOT.search(text):
+        return Format.VTP
+    if text.startswith(b"<") and _AMF_ROOT.search(text):
+        return Format.AMF
+    if _STEP_HEAD.match(text):
+        return Format.STEP
     if re.match(rb"(?:ST|[CN4n]){0,5}OFF(?![A-Za-z_])", text):
         return Format.OFF
     if _is_text_stl(text, suffix):
@@ -123,6 +149,31 @@ def _has_size_of_stl(head: bytes, size: int) -> bool:
     if len(head) < STL_HEADER_BYTES:
         return False
     return size == STL_HEADER_BYTES + STL_FACE_BYTES * int.from_bytes(head[80:84], "little")
+
+
+def format_of_entry(name: str) -> Format | None:
+    """The format that a file in a zip archive stands for, by its name; None when it says nothing."""
+    lowered = name.lower()
+    if lowered.endswith(".model") or lowered in ("[content_types].xml", "_rels/.rels"):
+        return Format.THREE_MF
+    if lowered.endswith(".amf"):
+        return Format.AMF
+    return Format.GLB if lowered.endswith((".gltf", ".glb")) else None
+
+
+def _format_of_zip(head: bytes, suffix: str) -> Format:
+    """By the names of the files that start within `head`, and the name of the archive; 3MF where nothing is
+    said. The reader looks at all names.
+    """
+    at = 0
+    while at >= 0 and at + _ZIP_NAME < len(head):
+        length = int.from_bytes(head[at + _ZIP_NAME_LENGTH : at + _ZIP_NAME_LENGTH + 2], "little")
+        name = head[at + _ZIP_NAME : at + _ZIP_NAME + min(length, _MAX_ZIP_NAME)]
+        kind = format_of_entry(name.decode("utf-8", errors="replace"))
+        if kind is not None:
+            return kind
+        at = head.find(ZIP, at + _ZIP_NAME)
+    return {".amf": Format.AMF, ".gltf": Format.GLB, ".glb": Format.GLB}.get(suffix, Format.THREE_MF)
 
 
 def _is_text_stl(text: bytes, suffix: str) -> bool:

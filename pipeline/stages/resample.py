@@ -171,6 +171,14 @@ def surface_of_cloud(points: FloatArray, name: str, edge_mm: float) -> Mesh:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points - middle)).voxel_down_sample(
         edge_mm / 2
     )
+    if len(cloud.points) < NORMAL_NEIGHBOURS:  # too few for a single normal: Open3D would fail
+        size = ", ".join(f"{side:.3g}" for side in np.ptp(points, axis=0))
+        raise ResampleFailed(
+            f"the {len(points)} points extend over ({size}) mm, which is too small for a surface with "
+            f"edges of {edge_mm:.3g} mm, which the size of the design asks for",
+            mesh=name,
+            remedy="set the unit of the file in options.units, or send a scan of more of the part",
+        )
     spacing = float(np.median(np.asarray(cloud.compute_nearest_neighbor_distance())))
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(knn=NORMAL_NEIGHBOURS))
     cloud.orient_normals_consistent_tangent_plane(ORIENTATION_NEIGHBOURS)

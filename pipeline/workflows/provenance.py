@@ -2,9 +2,9 @@
 
 import functools
 from dataclasses import asdict
-from importlib.metadata import version
 from typing import Any
 
+from pipeline.core.code_fingerprint import versions_of, versions_of_formats
 from pipeline.core.results import Input, Inputs, OneInput, OneProvenance, Provenance
 from pipeline.core.settings import Settings
 from pipeline.search import schedule
@@ -51,15 +51,15 @@ def limits() -> dict[str, Any]:
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Of this package and of `LIBRARIES`, looked up once per process."""
-    return {name: version(name) for name in ("cusp", *LIBRARIES)}
+    """Of this package, `LIBRARIES` and the installed packages for formats, looked up once per process."""
+    return versions_of(("cusp", *LIBRARIES)) | versions_of_formats()
 
 
 def _made_by(settings: Settings, seed: int) -> dict[str, Any]:
     """The fields of `core.results.MadeBy`."""
     return {
         "version": versions()["cusp"],
-        "libraries": {name: versions()[name] for name in LIBRARIES},
+        "libraries": {name: number for name, number in versions().items() if name != "cusp"},
         "settings": settings.model_dump(mode="json"),
         "seed": seed,
     }

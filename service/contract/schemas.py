@@ -76,7 +76,9 @@ class Problem(BaseModel):
 class Units(Request):
     """Length unit of each file. For a mesh that the job does not have, only `auto` is allowed."""
 
-    design: Unit = Field("auto", description="`auto`: as the file declares (3MF; GLB is in metres), else mm")
+    design: Unit = Field(
+        "auto", description="`auto`: as the file declares (GLB and E57 are in metres), else mm"
+    )
     scan: Unit = Field("auto", description="as for `design`")
     mesh: Unit = Field("auto", description="as for `design`; of a `landmarks` or `study` job")
 
@@ -194,7 +196,9 @@ class Blob(Response):
 
     id: BlobId
     size: int = Field(description="bytes")
-    format: str = Field(description="format of the content: stl, ply, obj, off, 3mf, glb, xyz")
+    format: str = Field(
+        description="format of the content: stl, ply, obj, off, 3mf, glb, xyz, step, las, e57, vtp, amf"
+    )
 
 
 class JobInput(Response):

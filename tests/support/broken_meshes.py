@@ -2,14 +2,25 @@
 programs.
 """
 
+import io
 import random
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
+import laspy
+import pye57
 import trimesh
 
+from pipeline.core.mesh import FloatArray
+from tests.support import step_files
 from tests.support.shapes import icosphere
+from tests.support.vtp_files import Layout
 
 FORMATS = ("stl", "stl_ascii", "ply", "ply_ascii", "obj", "off", "3mf", "glb", "xyz")
+FORMATS += ("amf", "vtp", "vtp_ascii", "step", "las", "laz", "e57")
+#: Those of points, which are for scans only.
+CLOUDS = ("xyz", "las", "laz", "e57")
 EVIL_WORDS = [
     b"nan",
     b"inf",
@@ -34,7 +45,18 @@ def sources() -> dict[str, bytes]:
     made: dict[str, bytes] = {}
     for kind in FORMATS:
         name, _, is_ascii = kind.partition("_")
-        if kind == "xyz":
+        if kind in ("las", "laz"):
+            made[kind] = las(mesh.vertices, compressed=kind == "laz")
+        elif kind == "e57":
+            made[kind] = e57(mesh.vertices)
+        elif kind == "step":
+            made[kind] = step_files.cylinder(5.0, 20.0)
+        elif kind == "amf":
+            made[kind] = amf(mesh)
+        elif name == "vtp":
+            layout = Layout() if is_ascii else Layout("appended", compressor="vtkZLibDataCompressor")
+            made[kind] = layout.file(layout.piece(mesh.vertices, Polys=mesh.faces.tolist()))
+        elif kind == "xyz":
             made[kind] = "\n".join(" ".join(f"{x:.4f}" for x in point) for point in mesh.vertices).encode()
         elif name == "ply":
             made[kind] = trimesh.exchange.ply.export_ply(mesh, encoding="ascii" if is_ascii else "binary")
@@ -42,6 +64,42 @@ def sources() -> dict[str, bytes]:
             content = mesh.export(file_type=kind)
             made[kind] = content.encode() if isinstance(content, str) else content
     return made
+
+
+def las(points: FloatArray, *, compressed: bool) -> bytes:
+    """A point cloud as LAS or LAZ."""
+    header = laspy.LasHeader(version="1.4", point_format=7)
+    header.scales = [0.001] * 3
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = points.T
+    out = io.BytesIO()
+    cloud.write(out, do_compress=compressed)
+    return out.getvalue()
+
+
+def e57(points: FloatArray) -> bytes:
+    """A point cloud as E57, of one scan."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cloud.e57"
+        with pye57.E57(str(path), "w") as file:
+            columns = zip(("cartesianX", "cartesianY", "cartesianZ"), points.T.copy(), strict=True)
+            file.write_scan_raw(dict(columns), translation=points[0])
+        return path.read_bytes()
+
+
+def amf(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh as AMF, in the least form."""
+    vertices = "".join(
+        f"<vertex><coordinates><x>{x:.6f}</x><y>{y:.6f}</y><z>{z:.6f}</z></coordinates></vertex>\n"
+        for x, y, z in mesh.vertices
+    )
+    triangles = "".join(
+        f"<triangle><v1>{a}</v1><v2>{b}</v2><v3>{c}</v3></triangle>\n" for a, b, c in mesh.faces
+    )
+    return (
+        f'<?xml version="1.0"?>\n<amf unit="millimeter"><object id="0"><mesh>\n<vertices>{vertices}'
+        f"</vertices>\n<volume>{triangles}</volume></mesh></object></amf>\n"
+    ).encode()
 
 
 def mutated(content: bytes, draw: random.Random) -> bytes:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from pipeline import Format
 from service.api.app import create_app
 from service.api.examples import BLOB_ID, INSTANCE, JOB_ID, examples
 from service.api.openapi_files import as_text
@@ -31,7 +32,7 @@ OTHERS: dict[str, list[Any]] = {
             "rate_limit_per_s": 1000,
             "parallel_jobs": 2,
             "job_types": ["registration", "landmarks", "study"],
-            "formats": ["stl", "ply", "obj", "off", "3mf", "glb", "xyz"],
+            "formats": [each.value for each in Format],
         }
     ],
     "Version": [{"name": "cusp", "version": VERSION, "schema_version": "1"}],

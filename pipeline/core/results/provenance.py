@@ -9,7 +9,9 @@ from pipeline.core.results.base import Record
 
 class Input(Record):
     sha256: str = Field(description="of the file, hex")
-    format: str = Field(description="by its content: stl, ply, obj, off, 3mf, glb, xyz")
+    format: str = Field(
+        description="by its content: stl, ply, obj, off, 3mf, glb, xyz, step, las, e57, vtp, amf"
+    )
     unit: str = Field(description="unit that its numbers were read in")
     mm_per_unit: float = Field(description="factor applied to them")
     cleaning: dict[str, int | float] = Field(description="what was removed or repaired, by kind, with counts")

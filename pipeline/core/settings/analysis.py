@@ -16,7 +16,10 @@ class LoadSettings(Section):
         "in STL, are not counted",
     )
     max_archive_expansion: int = Field(
-        200, ge=1, description="refuse a 3MF that unpacks to more than this many times its size (zip bomb)"
+        200,
+        ge=1,
+        description="refuse a file (3MF, AMF, glTF in a zip, VTP) that unpacks to more than this many times "
+        "its size (zip bomb)",
     )
 
     def allows(self, n_vertices: int, n_faces: int) -> bool:

@@ -1,6 +1,6 @@
 """What a reader returns: the bodies of a file, as they lie in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -40,12 +40,14 @@ class Body:
 @dataclass(frozen=True, slots=True, eq=False)
 class Contents:
     """unit : that the file declares, a key of `units.DECLARED`, or None; notes : what the file has that is
-    not used, each with what, how much and what it does to the result
+    not used, each with what, how much and what it does to the result; scanner_positions : (k, 3), unit and
+    frame of the bodies, where the file says where its scanner stood
     """
 
     bodies: tuple[Body, ...]
     unit: str | None = None
     notes: tuple[Note, ...] = ()
+    scanner_positions: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 class Reader(Protocol):

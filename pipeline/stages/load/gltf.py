@@ -1,6 +1,7 @@
 """glTF 2.0: the triangles or points that its default scene shows, in metres.
 
-A GLB, or JSON with embedded buffers. Materials, textures, cameras, lights and animations are not used.
+A GLB, JSON with embedded buffers, or JSON and its buffers in a zip archive. Materials, textures, cameras,
+lights and animations are not used.
 Source: glTF 2.0 specification, Khronos, 2021 (ISO/IEC 12113:2022).
 """
 
@@ -9,11 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.core.errors import IndexOutOfRange, MeshTooLarge, UnreadableFile
-from pipeline.core.formats import Format
+from pipeline.core.formats import ZIP, Format
 from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, Contents, FilePart
 from pipeline.stages.load.gltf_accessors import Accessors
+from pipeline.stages.load.gltf_archive import open_archive
 from pipeline.stages.load.gltf_container import open_container
 from pipeline.stages.load.gltf_extensions import INSTANCING, check_required
 from pipeline.stages.load.gltf_left_out import (
@@ -43,7 +45,7 @@ def read_glb(data: bytes, settings: LoadSettings) -> Contents:
     UnreadableFile, TruncatedFile, IndexOutOfRange, MeshTooLarge
         With node, mesh, primitive or accessor.
     """
-    container = open_container(data)
+    container = open_archive(data, settings) if data.startswith(ZIP) else open_container(data)
     check_required(container.document)
     accessors = Accessors(container, settings)
     builder = _Builder(container.document, accessors, Primitives(accessors), settings)
@@ -126,7 +128,9 @@ class _Builder:
         part: FilePart,
     ) -> None:
         if node.skin is not None:
-            posed = skinned(self.accessors, primitive, local, node.skin, T_scene_node)
+            posed = None
+            if not local.is_decoded:
+                posed = skinned(self.accessors, primitive, local, node.skin, T_scene_node)
             if posed is not None:
                 vertices, is_mirrored = posed
                 faces = local.faces[:, ::-1] if is_mirrored else local.faces

@@ -63,6 +63,16 @@ class Accessors:
             )
         return values.astype(np.int64)
 
+    def bytes_of_view(self, index: int, where: str) -> bytes:
+        """All bytes of a buffer view. Raises as `floats`."""
+        views = self.container.document.bufferViews
+        length = views[index].byteLength if index < len(views) else 0
+        return self._view(index, 0, length, 1, np.dtype("u1"), where).tobytes()
+
+    def is_normalized(self, index: int, where: str) -> bool:
+        """Whether integers stand for numbers from -1 or 0 to 1."""
+        return self._accessor(index, where).normalized
+
     def _accessor(self, index: int, where: str) -> Accessor:
         accessors = self.container.document.accessors
         if index >= len(accessors):

@@ -6,6 +6,7 @@ Source: glTF 2.0 specification, sections 3.6.1 (buffers) and 4 (GLB).
 import base64
 import binascii
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pydantic import ValidationError
@@ -23,10 +24,13 @@ UNCOMPRESSED = "export the GLB without compression (in gltfpack: without -c, -cc
 
 @dataclass(slots=True, eq=False)
 class Container:
-    """document : the JSON; binary : the binary chunk of a GLB"""
+    """document : the JSON; binary : the binary chunk of a GLB; outside : reads a file that the JSON refers
+    to, by its URI, or None when it was not sent
+    """
 
     document: Document
     binary: memoryview | None
+    outside: Callable[[str], bytes | None] | None = None
     _buffers: dict[int, memoryview] = field(default_factory=dict)
 
     def buffer(self, index: int, where: str) -> memoryview:
@@ -55,7 +59,7 @@ class Container:
                     remedy=UNCOMPRESSED,
                 )
         if buffer.uri is not None:
-            content = _embedded(buffer.uri, index)
+            content = self._of_uri(buffer.uri, index)
         elif index == 0 and self.binary is not None:
             content = self.binary
         else:
@@ -67,15 +71,21 @@ class Container:
             )
         return content
 
+    def _of_uri(self, uri: str, index: int) -> memoryview:
+        if uri.startswith("data:"):
+            return _embedded(uri, index)
+        content = None if self.outside is None else self.outside(uri)
+        if content is None:
+            raise UnreadableFile(
+                f"buffer {index} of the glTF is in another file, {uri[:80]!r}, which was not sent",
+                remedy="export the part as GLB, which is one file, or send the .gltf with its files in a zip",
+            )
+        return memoryview(content)
+
 
 def _embedded(uri: str, index: int) -> memoryview:
     """The bytes of a data URI (RFC 2397)."""
     scheme, comma, payload = uri.partition(",")
-    if not scheme.startswith("data:"):
-        raise UnreadableFile(
-            f"buffer {index} of the glTF is in another file, {uri[:80]!r}, which was not sent",
-            remedy="export the part as GLB, which is one file",
-        )
     if not comma or not scheme.endswith(";base64"):
         raise UnreadableFile(f"buffer {index} of the glTF is embedded in another way than base64")
     try:

@@ -6,14 +6,14 @@ Source: registry of extensions, https://github.com/KhronosGroup/glTF/tree/main/e
 from pipeline.core.errors import UnreadableFile
 from pipeline.core.formats import Format
 from pipeline.stages.load.gltf_container import MESHOPT
+from pipeline.stages.load.gltf_draco import DRACO
 from pipeline.stages.load.gltf_records import Document
 
 QUANTIZATION = "KHR_mesh_quantization"
 INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY = "KHR_node_visibility"
-DRACO = "KHR_draco_mesh_compression"
 #: Read; those of meshopt only where the file also has the data uncompressed.
-READ = frozenset((QUANTIZATION, INSTANCING, VISIBILITY, *MESHOPT))
+READ = frozenset((QUANTIZATION, INSTANCING, VISIBILITY, DRACO, *MESHOPT))
 #: Appearance, cameras, metadata, behaviour: the positions are the same without them.
 WITHOUT_SHAPE = frozenset(
     (
@@ -55,18 +55,8 @@ def check_required(document: Document) -> None:
         With its name and the remedy.
     """
     for name in document.extensionsRequired:
-        if name == DRACO:
-            raise compressed_by_draco()
         if name not in READ | WITHOUT_SHAPE and not name.startswith(PREFIXES_WITHOUT_SHAPE):
             raise UnreadableFile(
                 f"the {Format.GLB} requires the extension {name[:80]!r}, which is not read",
                 remedy="export the part without this extension",
             )
-
-
-def compressed_by_draco() -> UnreadableFile:
-    """The error of a mesh that only Draco decodes."""
-    return UnreadableFile(
-        f"the meshes of the {Format.GLB} are compressed ({DRACO}), which is not read",
-        remedy="export the GLB without Draco compression",
-    )

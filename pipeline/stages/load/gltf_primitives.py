@@ -12,20 +12,22 @@ from pipeline.core.errors import IndexOutOfRange, MeshTooLarge
 from pipeline.core.formats import Format
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.stages.load.gltf_accessors import Accessors
-from pipeline.stages.load.gltf_extensions import DRACO, compressed_by_draco
+from pipeline.stages.load.gltf_draco import DRACO, decoded
 from pipeline.stages.load.gltf_records import FAN, POINTS, STRIP, TRIANGLES, Primitive
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Local:
     """vertices : (n, 3); faces : (m, 3), none of points; rows : (n,) of the accessors of attributes, or None
-    for all; has_remainder : whether corners are left that are no whole triangle
+    for all; has_remainder : whether corners are left that are no whole triangle; is_decoded : whether the
+    accessors have no values, because another source was decoded
     """
 
     vertices: FloatArray
     faces: IndexArray
     rows: IndexArray | None = None
     has_remainder: bool = False
+    is_decoded: bool = False
 
 
 @dataclass(slots=True, eq=False)
@@ -59,7 +61,7 @@ class Primitives:
     def _local(self, primitive: Primitive, where: str) -> Local:
         position = primitive.attributes["POSITION"]
         if DRACO in primitive.extensions and not self.accessors.has_data(position):
-            raise compressed_by_draco()
+            return Local(*decoded(self.accessors, primitive, where), is_decoded=True)
         count = self.accessors.count(position, where)
         self._check(count, primitive, where)
         if primitive.indices is None:

@@ -3,7 +3,7 @@ Errors name the file and the remedy.
 """
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +20,24 @@ from pipeline.core.formats import HEAD_BYTES, Format, detect_format
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh, frozen
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
-from pipeline.core.settings import LoadSettings
+from pipeline.core.settings import LoadSettings, Unit
+from pipeline.stages.load.amf import read_amf
 from pipeline.stages.load.contents import Contents, Reader, joined, used_bodies
+from pipeline.stages.load.e57 import read_e57
 from pipeline.stages.load.gltf import read_glb
+from pipeline.stages.load.las import read_las
+from pipeline.stages.load.las_unit import ASSUMED_UNIT
 from pipeline.stages.load.obj import read_obj
 from pipeline.stages.load.off import read_off
 from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.ply import read_ply
 from pipeline.stages.load.point_text import read_point_text
+from pipeline.stages.load.step import read_step
 from pipeline.stages.load.stl import read_stl
 from pipeline.stages.load.three_mf import read_three_mf
 from pipeline.stages.load.units import unit_of
+from pipeline.stages.load.vtp import read_vtp
+from pipeline.stages.load.zip_archive import format_of_archive
 
 READERS: dict[Format, Reader] = {
     Format.STL: read_stl,
@@ -40,6 +47,11 @@ READERS: dict[Format, Reader] = {
     Format.THREE_MF: read_three_mf,
     Format.GLB: read_glb,
     Format.XYZ: read_point_text,
+    Format.STEP: read_step,
+    Format.LAS: read_las,
+    Format.E57: read_e57,
+    Format.VTP: read_vtp,
+    Format.AMF: read_amf,
 }
 #: Max absolute coordinate in mm (100 km). Beyond it, squares overflow the single precision of ray casting
 #: and Poisson reconstruction. Derived.
@@ -50,7 +62,8 @@ MAX_COORDINATE_MM = 1e8
 class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
     bytes; notes : what of the file is not used; body_of_face : (m,) int32 body of the file that each face is
-    of, None where there is one
+    of, None where there is one; scanner_positions_mm : (k, 3) of the stations of the scan, frame of the file,
+    where it says so
     """
 
     mesh: Mesh
@@ -60,6 +73,7 @@ class Loaded:
     sha256: str
     notes: tuple[Note, ...] = ()
     body_of_face: IntArray | None = None
+    scanner_positions_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -72,6 +86,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     """
     data = _read(source.path, name)
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
+    kind = format_of_archive(data, kind)
     try:
         contents = _contents(kind, data, source, settings)
         vertices, faces = joined(contents)
@@ -89,8 +104,16 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         raise type(error)(error.reason, mesh=name, remedy=error.remedy) from error
     if mesh.is_cloud and needs_surface:
         raise NoSurface(f"the {kind} has {len(mesh.vertices)} points and no triangles", mesh=name)
-    sha256 = hashlib.sha256(data).hexdigest()
-    return Loaded(mesh, kind, unit, mm_per_unit, sha256, contents.notes, _body_of_face(contents))
+    return Loaded(
+        mesh,
+        kind,
+        unit,
+        mm_per_unit,
+        hashlib.sha256(data).hexdigest(),
+        _notes(contents, source.unit),
+        _body_of_face(contents),
+        contents.scanner_positions * mm_per_unit,
+    )
 
 
 def _body_of_face(contents: Contents) -> IntArray | None:
@@ -114,6 +137,11 @@ def _in_mm(vertices: FloatArray, faces: IndexArray | IntArray, mm_per_unit: floa
     if mm_per_unit != 1.0:
         vertices = vertices * mm_per_unit
     return Mesh(frozen(vertices), frozen(faces.astype(np.int32, copy=False)))
+
+
+def _notes(contents: Contents, requested: Unit) -> tuple[Note, ...]:
+    """Without the note of an assumed unit, where the user says the unit."""
+    return tuple(note for note in contents.notes if requested == "auto" or note.code != ASSUMED_UNIT)
 
 
 def _check_coordinates(mesh: Mesh) -> None:

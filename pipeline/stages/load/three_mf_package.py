@@ -2,31 +2,21 @@
 chapters 1 and 2).
 """
 
-import io
-import lzma
-import posixpath
-import struct
-import zipfile
-import zlib
-from urllib.parse import unquote
-
 from lxml import etree  # type: ignore[import-untyped]
 
-from pipeline.core.errors import MeshTooLarge, UnreadableFile
+from pipeline.core.errors import UnreadableFile
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.three_mf_xml import OPTIONS, not_well_formed
+from pipeline.stages.load.zip_archive import UNENCRYPTED, Archive
 
 #: Type of the relationship to the root model (core specification, appendix C).
 MODEL_RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 #: What an encrypted part starts with (Secure Content extension, section 2.2).
 ENCRYPTED_HEAD = b"%3McF"
-#: What zipfile raises for an entry that is damaged.
-DAMAGE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, ValueError)
-UNENCRYPTED = "save the part without encryption or password, or export it as binary STL"
 
 
-class Package:
-    """Parts by name. Names compare without case, leading slash and percent-encoding, as in OPC.
+class Package(Archive):
+    """Parts by name, as `Archive` has them.
 
     Raises
     ------
@@ -37,33 +27,7 @@ class Package:
     """
 
     def __init__(self, data: bytes, settings: LoadSettings) -> None:
-        try:
-            self._archive = zipfile.ZipFile(io.BytesIO(data))
-        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, struct.error) as error:
-            raise UnreadableFile("the 3MF is not a complete zip archive") from error
-        # not is_dir(): it fails for an empty name
-        entries = [entry for entry in self._archive.infolist() if not entry.filename.endswith("/")]
-        unpacked = sum(entry.file_size for entry in entries)
-        if unpacked > settings.max_archive_expansion * len(data):
-            raise MeshTooLarge(
-                f"the 3MF of {len(data)} bytes unpacks to {unpacked} bytes; "
-                f"the limit is {settings.max_archive_expansion} times its size",
-                remedy="if this is a real part, export it as binary STL",
-            )
-        self._entries = {_key(entry.filename): entry for entry in entries}
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the parts, in the order of the archive, without leading slash."""
-        return [entry.filename.replace("\\", "/").lstrip("/") for entry in self._entries.values()]
-
-    def part(self, target: str, base: str = "") -> str | None:
-        """The name of the part that `target` refers to from part `base`; None when there is none."""
-        for name in (target, posixpath.join("/", posixpath.dirname(base), target)):
-            entry = self._entries.get(_key(posixpath.normpath(name)))
-            if entry is not None:
-                return entry.filename.replace("\\", "/").lstrip("/")
-        return None
+        super().__init__(data, settings, "3MF")
 
     def read(self, name: str) -> bytes:
         """The content of a part.
@@ -73,17 +37,7 @@ class Package:
         UnreadableFile
             When it is encrypted or damaged.
         """
-        entry = self._entries[_key(name)]
-        if entry.flag_bits & 1:
-            raise UnreadableFile(f"{name} in the 3MF is protected with a password", remedy=UNENCRYPTED)
-        try:
-            data = self._archive.read(entry)
-        except DAMAGE as error:
-            raise UnreadableFile(f"{name} in the 3MF is damaged: its zip entry cannot be unpacked") from error
-        except (NotImplementedError, RuntimeError) as error:
-            raise UnreadableFile(
-                f"{name} in the 3MF is packed by a method that cannot be read ({error})"
-            ) from error
+        data = super().read(name)
         if data.startswith(ENCRYPTED_HEAD):
             raise UnreadableFile(
                 f"{name} in the 3MF is encrypted (Secure Content extension)", remedy=UNENCRYPTED
@@ -139,7 +93,3 @@ class Package:
         relations = [each for each in root.iter("{*}Relationship") if each.get("Target")]
         typed = [each for each in relations if each.get("Type") == MODEL_RELATION]
         return [str(each.get("Target")) for each in typed]
-
-
-def _key(name: str) -> str:
-    return unquote(name.replace("\\", "/")).lstrip("/").lower()

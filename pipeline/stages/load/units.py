@@ -4,7 +4,8 @@ from pipeline.core.errors import UnitUnknown
 from pipeline.core.settings import Unit
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-#: What files may declare: 3MF (core specification, section 3.4), glTF's metre; and the name in the result.
+#: What files may declare: 3MF (core specification, section 3.4), glTF's metre, the coordinate
+#: systems of LAS; and the name in the result.
 DECLARED = {
     "micron": ("micron", 0.001),
     "millimeter": ("mm", 1.0),
@@ -12,6 +13,7 @@ DECLARED = {
     "inch": ("inch", 25.4),
     "foot": ("foot", 304.8),
     "feet": ("foot", 304.8),
+    "us survey foot": ("US survey foot", 1200000 / 3937),
     "meter": ("m", 1000.0),
 }
 

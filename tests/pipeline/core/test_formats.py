@@ -35,6 +35,12 @@ HOSTILE = {
     "comments of a point cloud": (b"#.\n", b"x"),
     "empty entries of a ZIP": (b"PK\x03\x04" + bytes(26), b""),
     "slashes": (b"//\n", b"x"),
+    "open comments of STEP": (b"/*", b"x"),
+    "comments of STEP": (b"/**/", b"x"),
+    "stars of STEP": (b"/***", b"x"),
+    "zip entries": (b"PK\3\4", b"x"),
+    "tags": (b"<", b"x"),
+    "almost AMF": (b"<amf", b"x"),
 }
 LOOK = """
 import sys, time
@@ -70,13 +76,26 @@ def test_a_hostile_head_costs_time_in_proportion_to_its_length(kind: str) -> Non
         (b"  v 1 2 3\n", Format.OBJ),
         (b"# by hand\n\n\tv 0 0 0\n", Format.OBJ),
         (b"mtllib a.mtl\n", Format.OBJ),
+        (b"ISO-10303-21;\nHEADER;\n", Format.STEP),
+        (b"/* a *//* b **/\n ISO-10303-21 ;", Format.STEP),
+        (b"LASF\0\0", Format.LAS),
+        (b"ASTM-E57\1\0", Format.E57),
+        (b"<?xml version='1.0'?>\n<VTKFile type='PolyData'>", Format.VTP),
+        (b"<VTKFile type='UnstructuredGrid'>", Format.VTP),  # the reader names what it is
+        (b"<?xml version='1.0'?><!-- a -->\n<amf unit='inch'>", Format.AMF),
+        (b"<AMF>", Format.AMF),
+        (b"PK\3\4" + bytes(22) + b"\x05\0\0\0a.amfx", Format.AMF),
+        (b"PK\3\4" + bytes(22) + b"\x06\0\0\0a.gltfx", Format.GLB),
+        (b"PK\3\4" + bytes(22) + b"\x05\0\0\0a.pngx", Format.THREE_MF),
     ],
 )
 def test_texts_are_told_apart(head: bytes, known: Format) -> None:
     assert detect_format(head, len(head)) is known
 
 
-@pytest.mark.parametrize("head", [b"1 2\n", b"1..2 3 4\n", b"1e 2 3\n", b"v\n1\n", b"--1 2 3\n"])
+@pytest.mark.parametrize(
+    "head", [b"1 2\n", b"1..2 3 4\n", b"1e 2 3\n", b"v\n1\n", b"--1 2 3\n", b"<svg>", b"ISO-10303"]
+)
 def test_what_is_almost_a_format_is_none(head: bytes) -> None:
     with pytest.raises(PipelineError):
         detect_format(head, len(head))

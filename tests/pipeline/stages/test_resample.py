@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from pipeline.core.errors import ResampleFailed
 from pipeline.core.mesh import Mesh
 from pipeline.core.settings import ResampleSettings
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.surface import Surface
-from pipeline.stages.resample import nearest_vertices, resample, working_edge_mm
+from pipeline.stages.resample import nearest_vertices, resample, surface_of_cloud, working_edge_mm
 from tests.support import shapes
 
 SETTINGS = ResampleSettings(target_vertices=1500)
@@ -108,3 +109,11 @@ def test_white_noise_puts_neighbours_on_opposite_sides() -> None:
     noisy = Mesh(plane.vertices + noise_mm[:, None] * [0.0, 0.0, 1.0], plane.faces)
     assert remesh.neighbour_correlation(noisy) == pytest.approx(-5 / 21, abs=0.03)
     assert remesh.neighbour_correlation(plane) == 0.0
+
+
+def test_a_cloud_in_another_unit_than_the_design_is_told_to_set_its_unit() -> None:
+    """A scan in metres that is read as mm is smaller than one edge of the analysis."""
+    points = shapes.icosphere(0.02, 4).vertices
+    with pytest.raises(ResampleFailed, match=r"extend over \(0\.04, 0\.04, 0\.04\) mm") as refused:
+        surface_of_cloud(points, "scan", 1.4)
+    assert "options.units" in refused.value.remedy

@@ -24,7 +24,7 @@ FACE = struct.pack("<12fH", *range(12), 0)
         ("s.stl", b"\0" * 40, 422, "truncated_file"),
         ("s.txt", b"Dear Sir or Madam,\nplease find attached", 415, "unknown_format"),
         ("s.stl", b"Dear Sir or Madam,\nplease find attached", 415, "unknown_format"),
-        ("s.step", b"ISO-10303-21;\nHEADER;\n", 415, "unknown_format"),
+        ("s.igs", b" " * 72 + b"S      1\n1H,,1H;,4Hpart" + b" " * 53 + b"G      1\n", 415, "unknown_format"),
         ("s.jpg", b"\xff\xd8\xff\xe0" + bytes(range(256)), 415, "unknown_format"),
         ("s.stl", b"<!DOCTYPE html><html><body>Sign in</body></html>", 415, "unknown_format"),
         (
