@@ -103,7 +103,7 @@ _ZIPS: tuple[tuple[re.Pattern[str], Foreign], ...] = (
     (re.compile(r"(?i).*\.usd[ac]?$"), Foreign("a USD scene (USDZ)")),
     (re.compile(r"(?i)meta-inf/|androidmanifest"), Foreign("a program")),
 )
-_MESH_IN_ZIP = re.compile(r"(?i).*\.(?:stl|ply|obj|off|3mf|glb|xyz|pts|asc|txt|csv)$")
+_MESH_IN_ZIP = re.compile(r"(?i).*\.(?:stl|ply|obj|off|3mf|xyz|pts|asc|las|laz|e57|vtp|ste?p)$")
 #: Endings of files that have no signature of their own, or share that of a container.
 _ENDINGS: dict[str, Foreign] = {
     ".sldprt": Foreign("a SolidWorks part"),
