@@ -40,7 +40,9 @@ def read_binary(data: bytes, header: Header) -> Polygons:
     if end > len(data):
         raise truncated((n_vertices, n_faces), ((len(data) - start) // (4 * header.width), 0))
     table = np.frombuffer(data, dtype=">f4", count=header.width * n_vertices, offset=start)
-    vertices = in_space(table.reshape(n_vertices, header.width)[:, : header.coordinates].astype(np.float64))
+    with np.errstate(invalid="ignore"):  # a NaN may be a signalling one
+        numbers = table.reshape(n_vertices, header.width)[:, : header.coordinates].astype(np.float64)
+    vertices = in_space(numbers)
     corners, counts, end = _faces(data, end, n_vertices, n_faces)
     check_indices(corners, counts, n_vertices, None)
     rest = len(data) - end

@@ -213,3 +213,11 @@ def test_each_dialect_is_detected(dialect: str) -> None:
     text = DIALECTS[dialect]
     data = text if isinstance(text, bytes) else text.encode()
     assert detect_format(data, len(data)) is Format.OFF
+
+
+def test_a_signalling_nan_of_a_binary_file_is_not_finite() -> None:
+    nan = b"\x7f\x80\x00\x01"  # found by fuzzing: numpy warns where it is cast
+    points = nan + struct.pack(">8f", 0, 0, 1, 0, 0, 0, 1, 0)
+    data = b"OFF BINARY\n" + struct.pack(">3i", 3, 1, 0) + points + struct.pack(">5i", 3, 0, 1, 2, 0)
+    with pytest.raises(errors.NotFinite, match="1 of 3 vertices"):
+        read(data)
