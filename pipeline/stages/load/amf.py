@@ -14,7 +14,7 @@ from pipeline.core.mesh import FloatArray
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.amf_xml import Amf, AmfObject, Instance, Volume, read_xml
-from pipeline.stages.load.contents import Body, Contents
+from pipeline.stages.load.contents import Body, Contents, FilePart
 from pipeline.stages.load.three_mf_left_out import listed
 from pipeline.stages.load.three_mf_roles import NOT_PRINTED
 from pipeline.stages.load.zip_archive import Archive
@@ -145,13 +145,14 @@ class _Builder:
         mirrored = np.linalg.det(T_file_object[:3, :3]) < 0
         title = each.metadata.get("name") or f"object {name}"
         before = len(self.bodies)
+        part = FilePart(len(self.placed), title)
         for volume in each.volumes:
-            self._volume(volume, moved, title, bool(mirrored))
+            self._volume(volume, moved, part, bool(mirrored))
         if len(self.bodies) > before:
             self.placed.append(title)
 
-    def _volume(self, volume: Volume, vertices: FloatArray, title: str, mirrored: bool) -> None:
-        name = volume.metadata.get("name") or title
+    def _volume(self, volume: Volume, vertices: FloatArray, part: FilePart, mirrored: bool) -> None:
+        name = volume.metadata.get("name") or part.name
         role = _role(volume)
         if role is not None:
             self.left_out.setdefault(role, []).append(name)
@@ -173,7 +174,7 @@ class _Builder:
                 f"{self.n_faces} triangles and {self.n_vertices} vertices; the limits are "
                 f"{self.settings.max_faces} and {self.settings.max_points}"
             )
-        self.bodies.append(Body(vertices[used], faces[:, ::-1] if mirrored else faces, name))
+        self.bodies.append(Body(vertices[used], faces[:, ::-1] if mirrored else faces, name, part))
 
     def notes(self) -> list[Note]:
         """What was left out, how many parts there are, and curved triangles."""

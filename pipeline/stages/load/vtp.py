@@ -12,11 +12,13 @@ from pipeline.core.errors import IndexOutOfRange, MeshTooLarge, UnreadableFile
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load.contents import Body, Contents
+from pipeline.stages.load.contents import Body, Contents, FilePart
 from pipeline.stages.load.polygons import triangulated
 from pipeline.stages.load.vtp_arrays import Arrays
 from pipeline.stages.load.vtp_xml import open_vtk
 
+#: Pieces are how a program divided its work: one part.
+WHOLE = FilePart(0, "")
 #: Dimensions of a point.
 DIMENSIONS = 3
 #: Beyond it the area of a polygon overflows. Derived: the fourth root of the max of float64, rounded down.
@@ -52,7 +54,7 @@ def read_vtp(data: bytes, settings: LoadSettings) -> Contents:
                 f"{settings.max_faces} and {settings.max_points}"
             )
         if len(points):
-            bodies.append(Body(points, faces))
+            bodies.append(Body(points, faces, part=WHOLE))
     with_faces = [body for body in bodies if len(body.faces)]
     if not bodies or (not with_faces and n_lines):
         raise UnreadableFile(

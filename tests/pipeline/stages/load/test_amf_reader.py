@@ -21,6 +21,7 @@ from pipeline.core.settings import LoadSettings
 from pipeline.stages.load import load
 from pipeline.stages.load.amf import read_amf
 from pipeline.stages.load.contents import Contents, joined
+from pipeline.stages.load.parts import choose_part
 from tests.support import shapes
 
 BOX = shapes.box((1.0, 2.0, 3.0))
@@ -151,6 +152,15 @@ def test_volumes_are_bodies_with_their_names_and_used_vertices() -> None:
         np.concatenate([body.vertices[body.faces] for body in contents.bodies]), BOX.vertices[BOX.faces]
     )
     assert contents.notes == ()
+
+
+def test_volumes_of_an_object_are_one_part_and_objects_are_several() -> None:
+    halves = volume(BOX.faces[:6]), volume(BOX.faces[6:])
+    assert choose_part(read(amf(thing(1, *halves))), None).notes == ()
+    two = read(amf(thing(1, *halves, name="peg"), thing(2)))
+    assert [note.code for note in choose_part(two, None).notes] == ["several_parts"]
+    assert len(choose_part(two, "peg").bodies) == 2
+    assert [body.name for body in choose_part(two, "2").bodies] == ["object 2"]
 
 
 def test_instances_are_turned_about_x_y_z_in_degrees_then_moved() -> None:

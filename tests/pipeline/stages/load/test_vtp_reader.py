@@ -14,6 +14,7 @@ from pipeline.core import errors
 from pipeline.core.formats import Format, detect_format
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Contents, joined
+from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.vtp import read_vtp
 from tests.support import shapes
 from tests.support.vtp_files import Layout
@@ -64,6 +65,7 @@ def test_polygons_strips_and_pieces_are_triangles() -> None:
         made.piece([]),
     )
     contents = read(data)
+    assert choose_part(contents, None).notes == ()  # pieces are no parts
     assert [len(body.vertices) for body in contents.bodies] == [4, 4]
     assert contents.bodies[0].faces.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert contents.bodies[1].faces.tolist() == [[0, 1, 3], [3, 1, 2]]
