@@ -35,7 +35,11 @@ class Pieces:
     @classmethod
     def of(cls, mesh: Mesh) -> "Pieces":
         """The pieces of a mesh, or of a point cloud."""
-        of_vertex = _clusters(mesh.vertices) if mesh.is_cloud else _components(mesh)
+        return cls.numbered(mesh, _clusters(mesh.vertices) if mesh.is_cloud else _components(mesh))
+
+    @classmethod
+    def numbered(cls, mesh: Mesh, of_vertex: IntArray) -> "Pieces":
+        """The pieces of a mesh whose vertices have these numbers (n,), from 0 without a gap."""
         count = int(of_vertex.max(initial=-1)) + 1
         weights = np.ones(len(of_vertex)) if mesh.is_cloud else mesh.vertex_areas_mm2()
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)

@@ -15,12 +15,17 @@ from pipeline.kernels.nearest import nearest
 from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import Cleaned
+from pipeline.stages.cloud_specks import near_specks
 
 #: The part: the fewest pieces that hold this share of the area. From the requirement.
 PART_SHARE = 0.999
-#: A smaller piece is a stray when it lies farther from the part than this share of the part's diagonal; what
-#: is nearer (a letter on a plate) belongs to it. Chosen by hand.
-APART_SHARE = 0.005
+#: Each piece below the first share of the area is small too, where all of them hold at most the second: ten
+#: specks together may hold more than `PART_SHARE` leaves. Chosen by hand: ten balls of 1 % of the diagonal.
+DUST_PIECE_SHARE, DUST_SHARE = 0.002, 0.02
+#: A small piece is a stray when it lies farther from the part than this share of the part's diagonal, or than
+#: `APART_MM`; what is nearer (a letter on a plate) belongs to it. Chosen by hand; printed parts that move in
+#: each other have gaps of 0.2 to 0.5 mm.
+APART_SHARE, APART_MM = 0.005, 0.6
 #: A piece of less than this share of the area is a stray too when it lies far from the larger ones: farther
 #: than `FAR_SHARE` of their diagonal. Chosen by hand.
 FAR_AREA_SHARE, FAR_SHARE = 0.02, 0.1
@@ -80,9 +85,14 @@ def without_specks(cleaned: Cleaned) -> tuple[Cleaned, Strays]:
     """The mesh without small pieces that lie apart from the rest."""
     mesh = cleaned.mesh
     pieces = Pieces.of(mesh)
-    if pieces.count == 1:
-        return cleaned, NO_STRAYS
-    stray = _specks(mesh, pieces)
+    stray = _specks(mesh, pieces) if pieces.count > 1 else np.zeros(1, dtype=np.bool_)
+    if mesh.is_cloud:  # its pieces are coarse: a speck that is nearer is one with the part
+        stray_points = stray[pieces.of_vertex]
+        near = near_specks(mesh, ~stray_points, min(APART_SHARE * pieces.diagonal_mm(~stray), APART_MM))
+        if near is not None:
+            pieces = Pieces.numbered(mesh, near.numbers(pieces.of_vertex))
+            stray = np.zeros(pieces.count, dtype=np.bool_)
+            stray[pieces.of_vertex[stray_points | near.is_speck]] = True
     reason = "small, and apart from the part"
     return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
 
@@ -147,13 +157,13 @@ def only_piece(cleaned: Cleaned, piece: int) -> tuple[Cleaned, Strays]:
 
 
 def _specks(mesh: Mesh, pieces: Pieces) -> BoolArray:
-    part = pieces.largest(PART_SHARE)
+    part = pieces.largest(PART_SHARE) & ~_dust(pieces)
     far = _far_off(pieces)
     part &= ~far
     small = ~part & ~far
     if not small.any():
         return far
-    apart_mm = APART_SHARE * pieces.diagonal_mm(part)
+    apart_mm = min(APART_SHARE * pieces.diagonal_mm(part), APART_MM)
     stray = small & (pieces.box_gaps_mm(part) > apart_mm)
     unsure = small & ~stray
     if unsure.any():
@@ -176,6 +186,14 @@ def _sizes(pieces: Pieces, mesh: Mesh, design: Mesh) -> FloatArray:
     low, high = design.vertices.min(axis=0)[None], design.vertices.max(axis=0)[None]
     of_design = Pieces(whole, np.ones(1), low, high).diameters_mm(design)
     return np.asarray(pieces.diameters_mm(mesh) / of_design[0])
+
+
+def _dust(pieces: Pieces) -> BoolArray:
+    """(p,) pieces so small, and so few of them, that none is a part of the part."""
+    share = pieces.weight / pieces.weight.sum()
+    small = share < DUST_PIECE_SHARE
+    is_little = float(share[small].sum()) <= DUST_SHARE
+    return np.asarray(small & is_little)
 
 
 def _far_off(pieces: Pieces) -> BoolArray:
