@@ -94,7 +94,7 @@ def without_specks(cleaned: Cleaned) -> tuple[Cleaned, Strays]:
             stray = np.zeros(pieces.count, dtype=np.bool_)
             stray[pieces.of_vertex[stray_points | near.is_speck]] = True
     reason = "small, and apart from the part"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def without_oversize(cleaned: Cleaned, design: Mesh) -> tuple[Cleaned, Strays]:
@@ -104,12 +104,12 @@ def without_oversize(cleaned: Cleaned, design: Mesh) -> tuple[Cleaned, Strays]:
     pieces = Pieces.of(cleaned.mesh)
     if pieces.count == 1:
         return cleaned, NO_STRAYS
-    size = _sizes(pieces, cleaned.mesh, design)
+    size = sizes(pieces, cleaned.mesh, design)
     stray = size > MAX_PART_SIZE
     if not (size[~stray] >= MIN_PART_SIZE).any():
         stray = np.zeros(pieces.count, dtype=np.bool_)
     reason = "larger than the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def without_off_design(
@@ -132,7 +132,7 @@ def without_off_design(
         if rest_mm2 < MIN_REST_COVERAGE * float(design.mesh.face_areas_mm2().sum()):
             stray = np.zeros(pieces.count, dtype=np.bool_)
     reason = "nowhere on the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def piece_candidates(cleaned: Cleaned, design: Mesh) -> list[int]:
@@ -140,7 +140,7 @@ def piece_candidates(cleaned: Cleaned, design: Mesh) -> list[int]:
     is one piece only.
     """
     pieces = Pieces.of(cleaned.mesh)
-    size, share = _sizes(pieces, cleaned.mesh, design), pieces.weight / pieces.weight.sum()
+    size, share = sizes(pieces, cleaned.mesh, design), pieces.weight / pieces.weight.sum()
     likely = (size >= MIN_PART_SIZE) & (size <= MAX_PART_SIZE)
     likely &= (share >= MIN_CANDIDATE_SHARE) & (share < 1.0)
     order = np.argsort(-share, kind="stable")
@@ -153,7 +153,7 @@ def only_piece(cleaned: Cleaned, piece: int) -> tuple[Cleaned, Strays]:
     stray = np.ones(pieces.count, dtype=np.bool_)
     stray[piece] = False
     reason = "apart from the piece that fits the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def _specks(mesh: Mesh, pieces: Pieces) -> BoolArray:
@@ -180,7 +180,7 @@ def _specks(mesh: Mesh, pieces: Pieces) -> BoolArray:
     return stray | far
 
 
-def _sizes(pieces: Pieces, mesh: Mesh, design: Mesh) -> FloatArray:
+def sizes(pieces: Pieces, mesh: Mesh, design: Mesh) -> FloatArray:
     """(p,) diameter of each piece over that of the design."""
     whole = np.zeros(len(design.vertices), dtype=np.int32)
     low, high = design.vertices.min(axis=0)[None], design.vertices.max(axis=0)[None]
@@ -205,14 +205,15 @@ def _far_off(pieces: Pieces) -> BoolArray:
     return np.asarray(far & is_dust)
 
 
-def _without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
+def without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
+    """The mesh without the `stray` pieces (p,), and without triangles that have a corner on one."""
     if not stray.any():
         return cleaned
     mesh = cleaned.mesh
     kept = ~stray[pieces.of_vertex]
     faces = mesh.faces
     if not mesh.is_cloud:
-        faces = (np.cumsum(kept) - 1)[faces[kept[faces[:, 0]]]].astype(np.int32)
+        faces = (np.cumsum(kept) - 1)[faces[kept[faces].all(axis=1)]].astype(np.int32)
     rest = Mesh(mesh.vertices[kept], faces)
     count = int(cleaned.report.get("stray_components", 0)) + int(stray.sum())
     report = cleaned.report | {
@@ -223,7 +224,8 @@ def _without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
     return Cleaned(rest, cleaned.old_of_new[kept], report)
 
 
-def _strays(pieces: Pieces, stray: BoolArray, reason: str) -> Strays:
+def strays_of(pieces: Pieces, stray: BoolArray, reason: str) -> Strays:
+    """The record of the `stray` pieces (p,)."""
     return Strays(
         pieces.diagonals_mm()[stray],
         (pieces.low[stray] + pieces.high[stray]) / 2,
