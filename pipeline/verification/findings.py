@@ -70,6 +70,13 @@ def differences(case: Case) -> list[Finding]:
             f"scan, at {_place(patch)}: it is missing in the scan, or covered"
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
+    patch = case.surfaces.through_patch
+    if patch is not None and not found:
+        detail = (
+            f"a patch of {patch.area_mm2:.3g} mm^2 of the scan, at {_place(patch)}, lies behind material of "
+            f"the design, {patch.peak:.3g} mm deep: that is missing in the scan"
+        )
+        found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
     return found
 
 
