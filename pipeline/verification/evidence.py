@@ -94,7 +94,7 @@ class Case:
             scan_landmarks=len(registered.scan.landmarks.vertex),
             diagonal_mm=design.diagonal_mm,
             max_sigma_mm=job.max_sigma_mm(design.diagonal_mm),
-            is_fitted=_is_fitted(job.settings),
+            is_fitted=holds_for(job.settings),
         )
 
     @property
@@ -124,11 +124,15 @@ class Case:
         return mirrored is not None and mirrored.rms_mm < VERDICT.mirror_better_ratio * self.rms_mm
 
 
-def _is_fitted(settings: Settings) -> bool:
-    """Whether nothing that changes the evidence is set otherwise."""
+def holds_for(settings: Settings) -> bool:
+    """Whether nothing that changes the evidence is set otherwise: the working mesh, the landmarks and how
+    they are matched, and how far a match may lie.
+    """
     default = Settings()
     return (
         settings.resample.enabled == default.resample.enabled
+        and settings.landmarks == default.landmarks
+        and settings.matching.length_share == default.matching.length_share
         and settings.registration.inlier_share == default.registration.inlier_share
     )
 

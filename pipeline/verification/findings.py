@@ -147,8 +147,8 @@ def not_calibrated(case: Case) -> list[Finding]:
     if case.is_fitted:
         return []
     detail = (
-        "confidence is null: its models were fitted with the default resample.enabled and "
-        "registration.inlier_share"
+        "confidence is null: its models were fitted with the default resample.enabled, landmarks, "
+        "matching.length_share and registration.inlier_share"
     )
     return [Finding(code="confidence_not_calibrated", detail=detail, value=None)]
 

@@ -21,6 +21,7 @@ from tests.support.scanners.surroundings import joined, with_surroundings
 from tests.support.scans import save, scanned
 from tests.support.settings import COARSE as QUICK
 from tests.support.variants import catalogue
+from tests.support.variants.changes import with_pin
 
 PART = shapes.bumpy_blob(4)
 
@@ -138,6 +139,14 @@ def test_a_table_is_left_out_and_a_scan_in_another_unit_is_not() -> None:
     larger = Mesh(25.4 * PART.vertices, PART.faces)
     rest, strays = without_oversize(cleaned(larger), PART)
     assert not strays.any and len(rest.mesh.vertices) == len(larger.vertices)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_part_with_a_body_beside_it_is_no_table_in_any_pose(seed: int) -> None:
+    bracket = catalogue.FAMILIES["bracket"](1).mesh()
+    pair = with_pin(bracket).moved(shapes.motion(seed))
+    _, strays = without_oversize(cleaned(pair), bracket)
+    assert not strays.any
 
 
 def test_what_lies_nowhere_on_the_design_is_left_out() -> None:
