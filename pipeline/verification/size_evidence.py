@@ -18,7 +18,9 @@ def assess_size(scan: Mesh, fit: Fit, design: Surface, inlier_mm: float, seed: i
     strain = estimate_strain(samples.points, samples.weights, design, fit.T_design_scan, inlier_mm)
     if strain is None or max(abs(strain.principal)) > SIZE.max_strain:
         return None
-    return strain
+    explained_mm = max(strain.shape_mm, strain.size_mm)
+    residual_mm = SIZE.max_over_residual * fit.truncated_rms_mm
+    return strain if explained_mm <= max(residual_mm, strain.left_mm) else None
 
 
 def is_stretched(strain: Strain, accuracy_mm: float) -> bool:

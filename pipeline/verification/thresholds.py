@@ -142,15 +142,18 @@ class SizeLimits:
     that warp by 0.3 % of the diagonal (RMS) show up to 2.1 %
     min_size : strain that is the same along all axes. Chosen by hand: castings and prints shrink by up to 2 %
     min_over_left : RMS distance that the strain explains over the RMS over patches of what it does not.
-    Chosen on the same seed: right parts reach 7 (only below the limits above), parts that are 4 % longer 15
-    to 48 by structured light, and 4 to 13 where they warp too
+    Chosen on the same seed: right parts reach 6.9, parts that are 4 % longer 15 to 48 by structured
+    light, and 4 to 13 where they warp too
+    max_over_residual : RMS distance that the strain explains over the residual, beyond which the estimate has
+    diverged: it cannot explain more than there is. Derived, with some room
     max_strain : beyond it the surface does not determine the strain, as of a flat view. Chosen by hand
     samples : of the scan. Chosen by hand: 40 for each patch
     """
 
     min_stretch: float = 0.025
     min_size: float = 0.025
-    min_over_left: float = 6.0
+    min_over_left: float = 7.0
+    max_over_residual: float = 1.2
     max_strain: float = 0.15
     samples: int = 4_000
 
