@@ -1,5 +1,6 @@
 """Connected pieces of a mesh, and of a point cloud: what hangs together, how large it is, what lies apart."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,11 @@ CELL_SPACINGS = 4.0
 SPACING_SAMPLES = 2000
 #: Largest distance of the centres of two touching cells, in cells: their corners meet (derived, rounded up).
 TOUCHING_CELLS = 1.75
+#: (13, 3) unit: the axes, and the diagonals of the faces and the body of a cube.
+DIRECTIONS = np.array(
+    [each for each in itertools.product((-1.0, 0.0, 1.0), repeat=3) if each > (0.0, 0.0, 0.0)]
+)
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +41,11 @@ class Pieces:
     @classmethod
     def of(cls, mesh: Mesh) -> "Pieces":
         """The pieces of a mesh, or of a point cloud."""
-        of_vertex = _clusters(mesh.vertices) if mesh.is_cloud else _components(mesh)
+        return cls.numbered(mesh, _clusters(mesh.vertices) if mesh.is_cloud else _components(mesh))
+
+    @classmethod
+    def numbered(cls, mesh: Mesh, of_vertex: IntArray) -> "Pieces":
+        """The pieces of a mesh whose vertices have these numbers (n,), from 0 without a gap."""
         count = int(of_vertex.max(initial=-1)) + 1
         weights = np.ones(len(of_vertex)) if mesh.is_cloud else mesh.vertex_areas_mm2()
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -54,19 +64,25 @@ class Pieces:
         return np.asarray(np.linalg.norm(self.high - self.low, axis=1))
 
     def diameters_mm(self, mesh: Mesh) -> FloatArray:
-        """(p,) about the largest distance of two vertices of each piece of `mesh`; the same in any pose.
+        """(p,) about the largest distance of two vertices of each piece of `mesh`, nearly the same in any
+        pose: at most the diameter, and at least 0.89 of it.
 
-        From the vertex farthest from the middle of its box to the vertex farthest from that one: at most the
-        diameter, and at least its half.
+        The widest of `DIRECTIONS`, none farther than 27 degrees from any; then from the vertex at one end of
+        that width to the vertex farthest from it, which for most parts is the diameter.
         """
-        start = ((self.low + self.high) / 2)[self.of_vertex]
-        for _ in range(2):
-            distance = np.linalg.norm(mesh.vertices - start, axis=1)
-            order = np.lexsort((distance, self.of_vertex))
-            last = np.searchsorted(self.of_vertex[order], np.arange(self.count), side="right") - 1
-            farthest = order[last]
-            start = mesh.vertices[farthest][self.of_vertex]
-        return np.asarray(distance[farthest], dtype=np.float64)
+        order = np.argsort(self.of_vertex, kind="stable")
+        vertices, piece = mesh.vertices[order], self.of_vertex[order]
+        first = np.searchsorted(piece, np.arange(self.count))
+        along = [vertices @ direction for direction in DIRECTIONS]
+        width = np.stack([np.maximum.reduceat(x, first) - np.minimum.reduceat(x, first) for x in along])
+        value = np.choose(width.argmax(axis=0)[piece], along)
+        diameter = width.max(axis=0)
+        for _ in range(2):  # from the end of the width to the farthest vertex, and on from there
+            start = np.flatnonzero(value == np.maximum.reduceat(value, first)[piece])
+            start = start[np.searchsorted(piece[start], np.arange(self.count))]
+            value = np.linalg.norm(vertices - vertices[start][piece], axis=1)
+            diameter = np.maximum(diameter, np.maximum.reduceat(value, first))
+        return np.asarray(diameter, dtype=np.float64)
 
     def diagonal_mm(self, chosen: BoolArray) -> float:
         """Diagonal of the common box of the `chosen` (p,) ones."""

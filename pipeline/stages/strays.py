@@ -15,12 +15,17 @@ from pipeline.kernels.nearest import nearest
 from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import Cleaned
+from pipeline.stages.cloud_specks import near_specks
 
 #: The part: the fewest pieces that hold this share of the area. From the requirement.
 PART_SHARE = 0.999
-#: A smaller piece is a stray when it lies farther from the part than this share of the part's diagonal; what
-#: is nearer (a letter on a plate) belongs to it. Chosen by hand.
-APART_SHARE = 0.005
+#: Each piece below the first share of the area is small too, where all of them hold at most the second: ten
+#: specks together may hold more than `PART_SHARE` leaves. Chosen by hand: ten balls of 1 % of the diagonal.
+DUST_PIECE_SHARE, DUST_SHARE = 0.002, 0.02
+#: A small piece is a stray when it lies farther from the part than this share of the part's diagonal, or than
+#: `APART_MM`; what is nearer (a letter on a plate) belongs to it. Chosen by hand; printed parts that move in
+#: each other have gaps of 0.2 to 0.5 mm.
+APART_SHARE, APART_MM = 0.005, 0.6
 #: A piece of less than this share of the area is a stray too when it lies far from the larger ones: farther
 #: than `FAR_SHARE` of their diagonal. Chosen by hand.
 FAR_AREA_SHARE, FAR_SHARE = 0.02, 0.1
@@ -80,11 +85,16 @@ def without_specks(cleaned: Cleaned) -> tuple[Cleaned, Strays]:
     """The mesh without small pieces that lie apart from the rest."""
     mesh = cleaned.mesh
     pieces = Pieces.of(mesh)
-    if pieces.count == 1:
-        return cleaned, NO_STRAYS
-    stray = _specks(mesh, pieces)
+    stray = _specks(mesh, pieces) if pieces.count > 1 else np.zeros(1, dtype=np.bool_)
+    if mesh.is_cloud:  # its pieces are coarse: a speck that is nearer is one with the part
+        stray_points = stray[pieces.of_vertex]
+        near = near_specks(mesh, ~stray_points, min(APART_SHARE * pieces.diagonal_mm(~stray), APART_MM))
+        if near is not None:
+            pieces = Pieces.numbered(mesh, near.numbers(pieces.of_vertex))
+            stray = np.zeros(pieces.count, dtype=np.bool_)
+            stray[pieces.of_vertex[stray_points | near.is_speck]] = True
     reason = "small, and apart from the part"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def without_oversize(cleaned: Cleaned, design: Mesh) -> tuple[Cleaned, Strays]:
@@ -94,12 +104,12 @@ def without_oversize(cleaned: Cleaned, design: Mesh) -> tuple[Cleaned, Strays]:
     pieces = Pieces.of(cleaned.mesh)
     if pieces.count == 1:
         return cleaned, NO_STRAYS
-    size = _sizes(pieces, cleaned.mesh, design)
+    size = sizes(pieces, cleaned.mesh, design)
     stray = size > MAX_PART_SIZE
     if not (size[~stray] >= MIN_PART_SIZE).any():
         stray = np.zeros(pieces.count, dtype=np.bool_)
     reason = "larger than the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def without_off_design(
@@ -122,7 +132,7 @@ def without_off_design(
         if rest_mm2 < MIN_REST_COVERAGE * float(design.mesh.face_areas_mm2().sum()):
             stray = np.zeros(pieces.count, dtype=np.bool_)
     reason = "nowhere on the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def piece_candidates(cleaned: Cleaned, design: Mesh) -> list[int]:
@@ -130,7 +140,7 @@ def piece_candidates(cleaned: Cleaned, design: Mesh) -> list[int]:
     is one piece only.
     """
     pieces = Pieces.of(cleaned.mesh)
-    size, share = _sizes(pieces, cleaned.mesh, design), pieces.weight / pieces.weight.sum()
+    size, share = sizes(pieces, cleaned.mesh, design), pieces.weight / pieces.weight.sum()
     likely = (size >= MIN_PART_SIZE) & (size <= MAX_PART_SIZE)
     likely &= (share >= MIN_CANDIDATE_SHARE) & (share < 1.0)
     order = np.argsort(-share, kind="stable")
@@ -143,17 +153,17 @@ def only_piece(cleaned: Cleaned, piece: int) -> tuple[Cleaned, Strays]:
     stray = np.ones(pieces.count, dtype=np.bool_)
     stray[piece] = False
     reason = "apart from the piece that fits the design"
-    return _without(cleaned, pieces, stray), _strays(pieces, stray, reason)
+    return without(cleaned, pieces, stray), strays_of(pieces, stray, reason)
 
 
 def _specks(mesh: Mesh, pieces: Pieces) -> BoolArray:
-    part = pieces.largest(PART_SHARE)
+    part = pieces.largest(PART_SHARE) & ~_dust(pieces)
     far = _far_off(pieces)
     part &= ~far
     small = ~part & ~far
     if not small.any():
         return far
-    apart_mm = APART_SHARE * pieces.diagonal_mm(part)
+    apart_mm = min(APART_SHARE * pieces.diagonal_mm(part), APART_MM)
     stray = small & (pieces.box_gaps_mm(part) > apart_mm)
     unsure = small & ~stray
     if unsure.any():
@@ -170,12 +180,20 @@ def _specks(mesh: Mesh, pieces: Pieces) -> BoolArray:
     return stray | far
 
 
-def _sizes(pieces: Pieces, mesh: Mesh, design: Mesh) -> FloatArray:
+def sizes(pieces: Pieces, mesh: Mesh, design: Mesh) -> FloatArray:
     """(p,) diameter of each piece over that of the design."""
     whole = np.zeros(len(design.vertices), dtype=np.int32)
     low, high = design.vertices.min(axis=0)[None], design.vertices.max(axis=0)[None]
     of_design = Pieces(whole, np.ones(1), low, high).diameters_mm(design)
     return np.asarray(pieces.diameters_mm(mesh) / of_design[0])
+
+
+def _dust(pieces: Pieces) -> BoolArray:
+    """(p,) pieces so small, and so few of them, that none is a part of the part."""
+    share = pieces.weight / pieces.weight.sum()
+    small = share < DUST_PIECE_SHARE
+    is_little = float(share[small].sum()) <= DUST_SHARE
+    return np.asarray(small & is_little)
 
 
 def _far_off(pieces: Pieces) -> BoolArray:
@@ -187,14 +205,15 @@ def _far_off(pieces: Pieces) -> BoolArray:
     return np.asarray(far & is_dust)
 
 
-def _without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
+def without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
+    """The mesh without the `stray` pieces (p,), and without triangles that have a corner on one."""
     if not stray.any():
         return cleaned
     mesh = cleaned.mesh
     kept = ~stray[pieces.of_vertex]
     faces = mesh.faces
     if not mesh.is_cloud:
-        faces = (np.cumsum(kept) - 1)[faces[kept[faces[:, 0]]]].astype(np.int32)
+        faces = (np.cumsum(kept) - 1)[faces[kept[faces].all(axis=1)]].astype(np.int32)
     rest = Mesh(mesh.vertices[kept], faces)
     count = int(cleaned.report.get("stray_components", 0)) + int(stray.sum())
     report = cleaned.report | {
@@ -205,7 +224,8 @@ def _without(cleaned: Cleaned, pieces: Pieces, stray: BoolArray) -> Cleaned:
     return Cleaned(rest, cleaned.old_of_new[kept], report)
 
 
-def _strays(pieces: Pieces, stray: BoolArray, reason: str) -> Strays:
+def strays_of(pieces: Pieces, stray: BoolArray, reason: str) -> Strays:
+    """The record of the `stray` pieces (p,)."""
     return Strays(
         pieces.diagonals_mm()[stray],
         (pieces.low[stray] + pieces.high[stray]) / 2,

@@ -14,12 +14,14 @@ from pipeline.analysis.scan_registration import RegisteredScan
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.results import Evidence
 from pipeline.core.settings import RegistrationSettings, Settings
+from pipeline.kernels.strain import Strain
 from pipeline.search.score_ratio import is_loose, required_ratio, score_ratio
 from pipeline.search.types import Matching
 from pipeline.stages.registration import Registration
 from pipeline.verification.hypothesis_checks import HypothesisChecks
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.scan_quality import ScannerQuality
+from pipeline.verification.size_evidence import assess_size
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, VERDICT, LogisticModel
 
@@ -39,14 +41,16 @@ DETAILS = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What a verdict is about. scan_landmarks : how many the scan has; max_sigma_mm : how uncertain a motion
-    may be (1 sigma); is_fitted : whether the settings are those that the models were fitted with
+    """What a verdict is about. strain : of the scan over the design, None where it is not determined;
+    scan_landmarks : how many the scan has; max_sigma_mm : how uncertain a motion may be (1 sigma);
+    is_fitted : whether the settings are those that the models were fitted with
     """
 
     registration: Registration
     matching: Matching
     checks: HypothesisChecks
     surfaces: SurfaceEvidence
+    strain: Strain | None
     quality: ScannerQuality
     scan_landmarks: int
     diagonal_mm: float
@@ -83,11 +87,14 @@ class Case:
             matching=registration.matching,
             checks=checks,
             surfaces=surfaces,
+            strain=assess_size(
+                scan.mesh, registration.fit, design.surface, registration.inlier_distance_mm, job.seed
+            ),
             quality=quality,
             scan_landmarks=len(registered.scan.landmarks.vertex),
             diagonal_mm=design.diagonal_mm,
             max_sigma_mm=job.max_sigma_mm(design.diagonal_mm),
-            is_fitted=_is_fitted(job.settings),
+            is_fitted=holds_for(job.settings),
         )
 
     @property
@@ -117,11 +124,15 @@ class Case:
         return mirrored is not None and mirrored.rms_mm < VERDICT.mirror_better_ratio * self.rms_mm
 
 
-def _is_fitted(settings: Settings) -> bool:
-    """Whether nothing that changes the evidence is set otherwise."""
+def holds_for(settings: Settings) -> bool:
+    """Whether nothing that changes the evidence is set otherwise: the working mesh, the landmarks and how
+    they are matched, and how far a match may lie.
+    """
     default = Settings()
     return (
         settings.resample.enabled == default.resample.enabled
+        and settings.landmarks == default.landmarks
+        and settings.matching.length_share == default.matching.length_share
         and settings.registration.inlier_share == default.registration.inlier_share
     )
 

@@ -4,6 +4,7 @@ from pipeline.core.results import Finding, VerdictStatus
 from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels.surface_patches import Patch
 from pipeline.verification.evidence import Case
+from pipeline.verification.size_evidence import is_other_size, is_stretched
 from pipeline.verification.thresholds import UNIT_FACTORS, VERDICT
 
 
@@ -69,6 +70,39 @@ def differences(case: Case) -> list[Finding]:
             f"scan, at {_place(patch)}: it is missing in the scan, or covered"
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
+    patch = case.surfaces.through_patch
+    if patch is not None and not found:
+        detail = (
+            f"a patch of {patch.area_mm2:.3g} mm^2 of the scan, at {_place(patch)}, lies behind material of "
+            f"the design, {patch.peak:.3g} mm deep: that is missing in the scan"
+        )
+        found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
+    return found
+
+
+def size_differences(case: Case) -> list[Finding]:
+    """The scan is longer along one direction, or larger, than a print of the design."""
+    strain, accuracy_mm = case.strain, case.quality.accuracy_mm or 0.0
+    if strain is None:
+        return []
+    found = []
+    if is_stretched(strain, accuracy_mm):
+        low, middle, high = strain.principal
+        column, word = (2, "longer") if high - middle >= middle - low else (0, "shorter")
+        axis = ", ".join(f"{x:.2f}" for x in strain.axes[:, column])
+        detail = (
+            f"the scan is {100 * strain.spread:.1f} % {word} than the design along ({axis}), compared with "
+            f"another direction: more than a print and its scan explain, which leave {strain.left_mm:.2g} mm "
+            "(RMS over patches) beside it; see scale.per_axis"
+        )
+        found.append(Finding(code="stretched", detail=detail, value=strain.spread))
+    if is_other_size(strain, accuracy_mm):
+        word = "larger" if strain.mean > 0 else "smaller"
+        detail = (
+            f"the scan is {100 * abs(strain.mean):.1f} % {word} than the design along all directions, more "
+            "than a print shrinks: another size of the part, or a wrong scale; see scale.isotropic"
+        )
+        found.append(Finding(code="other_size", detail=detail, value=1.0 + strain.mean))
     return found
 
 
@@ -113,8 +147,8 @@ def not_calibrated(case: Case) -> list[Finding]:
     if case.is_fitted:
         return []
     detail = (
-        "confidence is null: its models were fitted with the default resample.enabled and "
-        "registration.inlier_share"
+        "confidence is null: its models were fitted with the default resample.enabled, landmarks, "
+        "matching.length_share and registration.inlier_share"
     )
     return [Finding(code="confidence_not_calibrated", detail=detail, value=None)]
 

@@ -14,6 +14,7 @@ from pipeline.kernels.surface_patches import Patch, without_low_order
 from pipeline.verification.missing_material import missing_patch
 from pipeline.verification.off_patch import off_patch
 from pipeline.verification.placed_scan import PlacedScan
+from pipeline.verification.seen_through import seen_through_patch
 from pipeline.verification.thresholds import DIFFERENCE
 
 
@@ -23,13 +24,15 @@ class SurfaceEvidence:
     scan; 0 counts beyond the inlier distance; detail_mm : RMS over patches of the mean signed distance,
     without what is of low order; scan_patch : the largest patch of the scan off the design, in the design's
     frame, + outside; design_patch : the largest patch of the design that the scan should show and does
-    not; each None where there is none; thickness_mm : RMS distance of the scan from its own best plane
+    not; through_patch : the largest patch of the scan that the design's material would hide; each None where
+    there is none; thickness_mm : RMS distance of the scan from its own best plane
     """
 
     normal_agreement: float
     detail_mm: float
     scan_patch: Patch | None
     design_patch: Patch | None
+    through_patch: Patch | None
     thickness_mm: float
 
 
@@ -67,6 +70,7 @@ def assess_surfaces(
         detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
         scan_patch=off_patch(*on, visible_mm, min_area_mm2, inlier_mm),
         design_patch=missing_patch(shown, working_design, design, visible_mm, inlier_mm, min_area_mm2),
+        through_patch=seen_through_patch(scan, design, visible_mm),
         thickness_mm=_thickness_mm(fit.moved, weights),
     )
 

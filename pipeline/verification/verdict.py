@@ -29,8 +29,8 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
     by `mirror_gain`;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
-    below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, or a flat
-    scan;
+    below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, another
+    size along one direction or all, or a flat scan;
     ok : none of these.
 
     confidence : the product of `same_part` and `pose`; 0 without a pose.
@@ -43,6 +43,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     uncertain = [
         *findings.high_residual(case),
         *findings.differences(case),
+        *findings.size_differences(case),
         *findings.flat_scan(case),
     ]
     is_sure = part >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose

@@ -45,6 +45,7 @@ def limits() -> dict[str, Any]:
             "hypotheses": asdict(thresholds.HYPOTHESES),
             "confidence": asdict(thresholds.CONFIDENCE),
             "difference": asdict(thresholds.DIFFERENCE),
+            "size": asdict(thresholds.SIZE),
         },
     }
 

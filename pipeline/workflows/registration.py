@@ -24,6 +24,7 @@ from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.stages.registration import ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
+from pipeline.stages.table import without_table
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
 from pipeline.verification.evidence import Case
 from pipeline.verification.scan_quality import assess_quality
@@ -79,6 +80,7 @@ def compute_registration(
         design = build_design(input_design, fingerprint(design_file, settings, seed), settings, timer, seed)
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
     input_scan = input_scan.without(*without_oversize(input_scan.cleaned, design.analysis.mesh))
+    input_scan = input_scan.without(*without_table(input_scan.cleaned, design.analysis.mesh, seed))
     scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, timer, seed)
     with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)

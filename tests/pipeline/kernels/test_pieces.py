@@ -3,11 +3,14 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import pdist
 
 from pipeline.core.mesh import Mesh
 from pipeline.kernels.pieces import Pieces
 from tests.support import shapes
 from tests.support.scanners.surroundings import joined
+from tests.support.variants import catalogue
 
 BALL, SMALL = shapes.icosphere(10.0, 3), shapes.icosphere(1.0, 2)
 
@@ -42,3 +45,15 @@ def test_a_diameter_is_the_same_in_any_pose_and_that_of_a_ball(seed: int) -> Non
     long = shapes.cylinder(1.0, 40.0).moved(shapes.motion(seed))
     (diameter_mm,) = Pieces.of(long).diameters_mm(long)
     np.testing.assert_allclose(diameter_mm, np.hypot(40.0, 2.0), rtol=0.02)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**31), st.sampled_from(["bracket", "cover", "plate", "crown"]))
+def test_the_diameter_of_a_part_is_nearly_the_largest_distance_of_its_corners(seed: int, family: str) -> None:
+    part = catalogue.FAMILIES[family](1).mesh()
+    corners = part.vertices[ConvexHull(part.vertices).vertices]
+    largest_mm = pdist(corners).max()
+    moved = part.moved(shapes.motion(seed))
+    pair = joined([moved, at(SMALL, 500.0)])
+    diameters_mm = Pieces.of(pair).diameters_mm(pair)
+    np.testing.assert_allclose(diameters_mm, [largest_mm, 2.0], rtol=0.02)

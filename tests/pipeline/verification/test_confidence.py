@@ -17,7 +17,7 @@ from pipeline.core.timing import silent
 from pipeline.kernels.surface_patches import Patch
 from pipeline.search.score_ratio import SCORE_LIMITS
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
-from pipeline.verification.evidence import Case, evidence, probability
+from pipeline.verification.evidence import Case, evidence, holds_for, probability
 from pipeline.verification.scan_quality import assess_quality
 from pipeline.verification.thresholds import CONFIDENCE, VERDICT
 from pipeline.verification.verdict import judge
@@ -176,6 +176,23 @@ def test_settings_that_the_models_were_not_fitted_with_give_no_probability(case:
     verdict = judge(replace(case, is_fitted=False), LIMITS)
     assert verdict.confidence is None and verdict.same_part is None and verdict.pose is None
     assert "confidence_not_calibrated" in codes(verdict)
+
+
+@pytest.mark.parametrize(
+    ("changed", "is_fitted"),
+    [
+        ({}, True),
+        ({"resample": {"target_vertices": 2500}}, True),  # moves no piece of evidence
+        ({"landmarks": {"count": 5}}, False),
+        ({"matching": {"length_share": 0.004}}, False),
+        ({"registration": {"inlier_share": 0.05}}, False),
+        ({"resample": {"enabled": False}}, False),
+    ],
+)
+def test_the_models_hold_for_settings_that_leave_the_evidence(
+    changed: dict[str, object], is_fitted: bool
+) -> None:
+    assert holds_for(Settings.model_validate(changed)) is is_fitted
 
 
 def test_evidence_stays_in_its_bounds(case: Case) -> None:

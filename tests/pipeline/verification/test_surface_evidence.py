@@ -10,7 +10,9 @@ from pipeline.stages.registration import evaluate_fit
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from tests.support import shapes
+from tests.support.scanners.structured_light import retriangulated
 from tests.support.scanners.surroundings import joined
+from tests.support.variants.cover import Cover
 
 BLOB = shapes.bumpy_blob(4)
 INLIER_MM = 1.3
@@ -96,3 +98,29 @@ def test_the_round_edges_of_a_surface_made_from_points_are_no_missing_material()
     fit = evaluate_fit(cloud, cloud.weights(), surface, np.eye(4), INLIER_MM)
     placed = PlacedScan(cloud, fit, 1.0, blunt, np.arange(len(box.vertices)), None)
     assert assess_surfaces(placed, surface, box, INLIER_MM, 0.0).design_patch is None
+
+
+def test_a_floor_that_a_thin_rib_would_hide_shows_that_the_rib_is_missing() -> None:
+    cover = Cover.sampled(3)
+    design = retriangulated(cover.mesh(), 8_000)
+    rng = np.random.default_rng(1)
+
+    def scanned(part: Mesh) -> Mesh:
+        even = retriangulated(part, 8_000)
+        noise = rng.normal(0.0, NOISE_MM, len(even.vertices))
+        return Mesh(even.vertices + noise[:, None] * even.vertex_normals(), even.faces)
+
+    assert evidence(scanned(cover.mesh()), design).through_patch is None
+    patch = evidence(scanned(cover.changes()["rib missing"].mesh()), design).through_patch
+    assert patch is not None and patch.peak > 4 * NOISE_MM
+    off_mm = Surface(cover.changes()["rib missing"].mesh()).closest(patch.centre_mm[None]).distance[0]
+    assert off_mm < 4 * NOISE_MM  # on the floor
+
+
+def test_a_wall_across_a_narrow_gap_hides_nothing() -> None:
+    block = retriangulated(shapes.box((30.0, 20.0, 12.0)), 4_000)
+    pair = joined([block, Mesh(block.vertices + np.array([0.0, 0.0, 12.2]), block.faces)])
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0.0, NOISE_MM, len(pair.vertices))
+    scan = Mesh(pair.vertices + noise[:, None] * pair.vertex_normals(), pair.faces)
+    assert evidence(scan, pair).through_patch is None

@@ -19,9 +19,12 @@ from pipeline.stages.matching import match_landmarks
 from tests.support import shapes
 from tests.support.designs import design_of
 from tests.support.registering import register
+from tests.support.scanners.structured_light import structured_light
 from tests.support.scans import noisy, save, scanned
 from tests.support.settings import COARSE as QUICK
 from tests.support.shapes import cross
+from tests.support.variants import catalogue
+from tests.support.variants.changes import longest_axis, stretched
 
 
 def codes(result: pipeline.RegistrationResult) -> set[str]:
@@ -231,3 +234,17 @@ def test_another_part_is_no_match(tmp_path: Path) -> None:
     design = save(shapes.bumpy_blob(4), tmp_path / "design.ply")
     result = register(design, save(noisy(cross(5), 1), tmp_path / "scan.ply"), settings=QUICK)
     assert result.verdict.status == "no_match" and result.transform is None
+
+
+@pytest.mark.parametrize(("share", "status"), [(0.04, "uncertain"), (0.002, "ok")])
+def test_a_part_that_is_longer_than_its_design_is_not_ok(tmp_path: Path, share: float, status: str) -> None:
+    """A crown is smooth: all of what is left of the distances looks like a warp."""
+    part = catalogue.FAMILIES["crown"](5).mesh()
+    longer = stretched(part, longest_axis(part), share)
+    scan = structured_light(longer, 0.0005 * part.diagonal_mm, np.random.default_rng(0)).mesh
+    design = save(part, tmp_path / "design.ply")
+    result = register(design, save(scan, tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status == status
+    assert ("stretched" in codes(result)) is (status == "uncertain")
+    assert result.transform is not None and result.scale is not None and result.scale.per_axis is not None
+    assert max(result.scale.per_axis) - 1 == pytest.approx(share, abs=0.003)
