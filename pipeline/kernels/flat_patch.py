@@ -32,6 +32,8 @@ def largest_flat_patch(
     """points : (n, 3) mm; coarse_mm : distance from a plane within which a bent table lies; finest_mm : from
     the bent surface, at least; min_share : of the points, that lie near the plane; None where fewer do.
     """
+    if len(points) == 0:
+        return None
     rng = np.random.default_rng(seed)
     judges = points[rng.integers(len(points), size=JUDGES)]
     corners = points[rng.integers(len(points), size=(TRIALS, 3))]

@@ -27,6 +27,28 @@ def smallest_around(vertices: FloatArray, faces: IntArray, found: Shells, volume
     return around
 
 
+def deep_within(mesh: Mesh, found: Shells, parent: IndexArray) -> IndexArray:
+    """Bodies that lie wholly within the material of another, ascending, as is told without a union: the
+    middle of such a body is farther from the other's surface than from any point of its own.
+
+    parent : (s,) body of each shell
+    """
+    closed = np.flatnonzero(found.of_face >= 0)
+    bodies, body = np.unique(parent[found.of_face[closed]], return_inverse=True)
+    low, high = boxes(mesh.vertices, mesh.faces[closed], body, len(bodies))
+    middle, reach_mm = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+    deep = np.zeros(len(bodies), dtype=np.bool_)
+    for outer in np.argsort(-reach_mm, kind="stable"):
+        within = (low >= low[outer]).all(axis=1) & (high <= high[outer]).all(axis=1)
+        inner = np.flatnonzero(within & ~deep & (reach_mm < reach_mm[outer]))
+        if len(inner) and not deep[outer]:
+            surface = Surface(Mesh(*alone(mesh.vertices, mesh.faces[closed[body == outer]])))
+            closest = surface.closest(middle[inner])
+            depth_mm = -surface.signed_distance(middle[inner], closest)
+            deep[inner[depth_mm > reach_mm[inner]]] = True
+    return bodies[deep]
+
+
 def boxes(
     vertices: FloatArray, faces: IntArray, shell: IndexArray, n_shells: int
 ) -> tuple[FloatArray, FloatArray]:

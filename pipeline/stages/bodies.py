@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from pipeline.kernels import topology
 from pipeline.kernels.caps import without_flat
-from pipeline.kernels.nesting import alone, boxes, meeting, meets_any, smallest_around
+from pipeline.kernels.nesting import alone, boxes, deep_within, meeting, meets_any, smallest_around
 from pipeline.kernels.shells import Shells, closed_pieces, shells, signed_volumes, split_vertices
 from pipeline.kernels.solid_union import GAP_SHARE, united
 
@@ -74,10 +74,15 @@ def unite(
     areas = mesh.face_areas_mm2()
     kept, added = np.ones(len(faces), dtype=np.bool_), list[Mesh]()
     report["turned_faces"] = turned
+    deep = deep_within(mesh, found, parent)
+    inside = closed & np.isin(parent[found.of_face], deep)
+    kept[inside] = False
+    report["united_bodies"] += len(deep) + (len(deep) > 0)
+    report["internal_area_mm2"] += float(areas[inside].sum())
     volume = signed_volumes(vertices, faces[closed], found.of_face[closed], found.count)
     order = np.argsort(np.where(closed, parent[found.of_face], -1), kind="stable")
     ends = np.cumsum(np.bincount(parent[found.of_face[closed]], minlength=found.count)) + int((~closed).sum())
-    for group in _groups(mesh, found, parent):
+    for group in _groups(mesh, found, parent, deep):
         members = [order[ends[each - 1] if each else int((~closed).sum()) : ends[each]] for each in group]
         union = united([alone(vertices, faces[mine]) for mine in members], mesh.diagonal_mm)
         if union is None:
@@ -96,7 +101,7 @@ def unite(
         report["united_bodies"] += len(group)
         report["internal_area_mm2"] += internal_mm2
         report["filled_voids"] += n_voids
-    if not (added or found.shared_edges or turned or report["bodies_not_united"]):
+    if not (added or len(deep) or found.shared_edges or turned or report["bodies_not_united"]):
         return None
     gone = np.zeros(len(vertices), dtype=np.bool_)
     gone[faces[~kept]] = True
@@ -136,11 +141,13 @@ def _oriented(vertices: FloatArray, faces: IntArray, found: Shells) -> tuple[Int
     return np.where(turn[:, None], faces[:, ::-1], faces).astype(np.int32), parent, int(turn.sum())
 
 
-def _groups(mesh: Mesh, found: Shells, parent: IndexArray) -> list[IndexArray]:
-    """Bodies whose boxes meet, two or more in a group; without the smallest of a large mesh."""
+def _groups(mesh: Mesh, found: Shells, parent: IndexArray, deep: IndexArray) -> list[IndexArray]:
+    """Bodies whose boxes meet, two or more in a group; without those `deep` within another, and the smallest
+    of a large mesh.
+    """
     closed = found.of_face >= 0
     shell = found.of_face[closed]
-    bodies = np.flatnonzero(parent == np.arange(found.count))
+    bodies = np.setdiff1d(np.flatnonzero(parent == np.arange(found.count)), deep)
     if len(shell) > MANY_FACES:
         areas = np.bincount(shell, weights=mesh.face_areas_mm2()[closed], minlength=found.count)
         bodies = bodies[areas[bodies] > SMALL_SHARE * areas.sum()]

@@ -95,8 +95,10 @@ def test_specks_a_millimetre_off_the_part_or_inside_it_leave_it_as_it_is(
     name: str, gaps_mm: list[float], radius_mm: float, seed: int
 ) -> None:
     part = NEAR_PARTS[name]
-    rest, strays = without_specks(cleaned(joined([part, *near_balls(part, gaps_mm, radius_mm, seed)])))
-    assert strays.any
+    whole = cleaned(joined([part, *near_balls(part, gaps_mm, radius_mm, seed)]))
+    rest, strays = without_specks(whole)
+    # A ball within the material of a closed part is a body within another, which cleaning leaves out.
+    assert strays.any or whole.report["united_bodies"]
     np.testing.assert_array_equal(rest.mesh.vertices, cleaned(part).mesh.vertices)
 
 
