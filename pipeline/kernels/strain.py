@@ -78,7 +78,7 @@ def estimate_strain(
         w = w / w.sum()
         J = _columns(moved - centre, closest.normal, radius)
         residual = np.einsum("kd,kd->k", closest.normal, closest.point - moved)
-        A = np.einsum("k,ki,kj->ij", w, J, J)
+        A = np.einsum("ki,kj->ij", w[:, None] * J, J)
         # residuals are independent between patches, not within one
         ridge = np.einsum("k,k->", w, residual**2) / (PATCHES * (PRIOR * radius) ** 2)
         prior = np.concatenate([np.zeros(6), np.full(6, ridge)])
