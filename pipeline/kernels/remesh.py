@@ -80,16 +80,17 @@ def crease_deg(mesh: Mesh) -> float:
     return float(np.clip(CREASE_PER_ROUGHNESS * roughness_deg(mesh), CREASE_DEG, MAX_CREASE_DEG))
 
 
-def isotropic(mesh: Mesh, edge_mm: float, iterations: int) -> Mesh:
-    """Remesh the surface with edges of about `edge_mm` by pymeshlab, for simulated scans: another
-    triangulation than that of the working mesh (`kernels.isotropic`).
+def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_angle_deg: float | None = None) -> Mesh:
+    """Remesh the surface with edges of about `edge_mm` by pymeshlab: for the mesh of the features, and for
+    simulated scans, as another triangulation than that of the working mesh (`kernels.isotropic`). Creases
+    sharper than `crease_angle_deg` are kept, by default those that the roughness does not make.
     """
     centre_mm = _centre_mm(mesh)
     meshes = _meshset(mesh, centre_mm)
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=iterations,
         targetlen=pymeshlab.PureValue(edge_mm),
-        featuredeg=crease_deg(mesh),
+        featuredeg=crease_deg(mesh) if crease_angle_deg is None else crease_angle_deg,
         checksurfdist=False,
     )
     return _current(meshes, centre_mm)
