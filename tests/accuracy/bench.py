@@ -20,14 +20,15 @@ from rich.table import Table
 
 import pipeline
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.settings import CleanSettings, LoadSettings, ResampleSettings
+from pipeline.core.settings import CleanSettings, LoadSettings
 from pipeline.kernels import rigid
 from pipeline.stages.clean import clean
 from pipeline.stages.load import load
-from pipeline.stages.resample import resample, working_edge_mm
+from pipeline.stages.resample import working_edge_mm
 from service.demo import arch as demo_arch
 from tests.conftest import data_folder
 from tests.support import shapes
+from tests.support.retriangulated import retriangulated
 
 DESIGNS = (
     *(
@@ -74,8 +75,7 @@ def printed(design: Mesh, seed: int, crop: float = 0.0) -> tuple[Mesh, FloatArra
     """A scan of a print of `design`, and T_design_scan."""
     rng = np.random.default_rng(seed)
     area = float(design.face_areas_mm2().sum())
-    settings = ResampleSettings(target_vertices=SCAN_VERTICES, iterations=4)
-    copy = resample(design, "scan", working_edge_mm(area, SCAN_VERTICES), settings).mesh
+    copy = retriangulated(design, working_edge_mm(area, SCAN_VERTICES))
     size = design.diagonal_mm
     wave = rng.normal(size=(3, 3)) * 1.4 * np.pi / size
     warp = np.sin((copy.vertices - copy.vertices.mean(axis=0)) @ wave.T) * WARP_SHARE * size / np.sqrt(3)

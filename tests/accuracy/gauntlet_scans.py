@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.settings import CleanSettings, ResampleSettings
+from pipeline.core.settings import CleanSettings
 from pipeline.kernels import rigid
 from pipeline.stages.clean import clean
-from pipeline.stages.resample import resample, working_edge_mm
+from pipeline.stages.resample import working_edge_mm
 from tests.accuracy.gauntlet_specs import Condition
 from tests.support import shapes
+from tests.support.retriangulated import retriangulated
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +35,7 @@ def printed(part: Mesh, size_mm: float, condition: Condition, rng: np.random.Gen
     """A scan of a print of `part`; size_mm : what the condition's shares are of."""
     wanted = int(rng.integers(6_000, 11_000))
     area = float(part.face_areas_mm2().sum())
-    settings = ResampleSettings(target_vertices=wanted, iterations=4)
-    copy = resample(part, "scan", working_edge_mm(area, wanted), settings).mesh
+    copy = retriangulated(part, working_edge_mm(area, wanted))
     wave = rng.normal(size=(3, 3)) * 1.4 * np.pi / size_mm
     warp = (
         np.sin((copy.vertices - copy.vertices.mean(axis=0)) @ wave.T) * condition.warp * size_mm / np.sqrt(3)
