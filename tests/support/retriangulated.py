@@ -1,4 +1,4 @@
-"""Another triangulation of a part, for simulated scans: by pymeshlab, not by the remesher of working meshes."""
+"""Another triangulation of a part, for simulated scans: by pymeshlab, not as working meshes are made."""
 
 from pipeline.core.mesh import Mesh
 from pipeline.core.settings import CleanSettings
