@@ -19,7 +19,7 @@ class Foreign:
     remedy: str = EXPORT
 
 
-PICTURE = "send a mesh file (STL, PLY, OBJ, OFF, 3MF or GLB), not a picture"
+PICTURE = "send a mesh file (see docs/formats.md), not a picture"
 #: First bytes.
 _SIGNATURES: tuple[tuple[bytes, Foreign], ...] = (
     (b"\x89PNG\r\n\x1a\n", Foreign("a PNG picture", PICTURE)),

@@ -69,7 +69,7 @@ class Package(Archive):
             )
         raise UnreadableFile(
             "the zip archive is not a 3MF: it has no model part (_rels/.rels names none)",
-            remedy="send the mesh file itself: STL, PLY, OBJ, OFF, 3MF or GLB",
+            remedy="send the mesh file itself (see docs/formats.md)",
         )
 
     def refuse_gcode(self) -> None:
