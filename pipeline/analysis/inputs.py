@@ -48,6 +48,8 @@ class InputMesh:
             format=self.loaded.format.value,
             unit=self.loaded.unit,
             mm_per_unit=self.loaded.mm_per_unit,
+            part=self.loaded.part,
+            columns=self.loaded.columns,
             cleaning=self.cleaned.report,
         )
 

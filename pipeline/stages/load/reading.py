@@ -63,7 +63,7 @@ class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
     bytes; notes : what of the file is not used; body_of_face : (m,) int32 body of the file that each face is
     of, None where there is one; scanner_positions_mm : (k, 3) of the stations of the scan, frame of the file,
-    where it says so
+    where it says so; part, columns : of the file that was asked for, as `MeshFile` has them
     """
 
     mesh: Mesh
@@ -74,6 +74,8 @@ class Loaded:
     notes: tuple[Note, ...] = ()
     body_of_face: IntArray | None = None
     scanner_positions_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    part: str | None = None
+    columns: str | None = None
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -88,7 +90,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
     kind = format_of_archive(data, kind)
     try:
-        contents = _contents(kind, data, source, settings)
+        contents = _contents(kind, data, source, settings, is_design=name == "design")
         vertices, faces = joined(contents)
         if len(vertices) == 0:
             raise UnreadableFile(f"the {kind} has no triangles and no points")
@@ -113,6 +115,8 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         _notes(contents, source.unit),
         _body_of_face(contents),
         contents.scanner_positions * mm_per_unit,
+        source.part,
+        source.columns,
     )
 
 
@@ -121,7 +125,9 @@ def _body_of_face(contents: Contents) -> IntArray | None:
     return np.repeat(np.arange(len(counts), dtype=np.int32), counts) if len(counts) > 1 else None
 
 
-def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSettings) -> Contents:
+def _contents(
+    kind: Format, data: bytes, source: MeshFile, settings: LoadSettings, *, is_design: bool
+) -> Contents:
     """What is in the file, with the columns and the part that `source` states."""
     if kind is Format.XYZ:
         return read_point_text(data, settings, source.columns)
@@ -129,7 +135,9 @@ def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSetting
         raise ColumnsUnfit(f"options.columns is for texts of points, and the file is {kind.upper()}")
     contents = READERS[kind](data, settings)
     has_faces = any(len(body.faces) for body in contents.bodies)
-    return choose_part(contents, source.part) if has_faces or source.part is not None else contents
+    if not has_faces and source.part is None:
+        return contents
+    return choose_part(contents, source.part, is_design=is_design)
 
 
 def _in_mm(vertices: FloatArray, faces: IndexArray | IntArray, mm_per_unit: float) -> Mesh:
