@@ -7,6 +7,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
+from pipeline.core.stations import Stations
 from pipeline.core.timing import StageTimer
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.load import Loaded, load
@@ -28,6 +29,12 @@ class InputMesh:
     def mesh(self) -> Mesh:
         """The cleaned mesh, which `vertex` in the results indexes."""
         return self.cleaned.mesh
+
+    @property
+    def stations(self) -> Stations | None:
+        """Where the scanner stood, of the vertices of `mesh`; None where the file does not say."""
+        stations = self.loaded.stations
+        return None if stations is None else stations.chosen(self.cleaned.old_of_new)
 
     @property
     def left_out_share(self) -> float:
