@@ -12,8 +12,8 @@ class LoadSettings(Section):
     max_points: int = Field(
         10_000_000,
         ge=1,
-        description="refuse a cloud with more points, or a mesh with more vertices that has also more than three "
-        "for each triangle: where faces share no vertices, as in STL, `max_faces` limits them",
+        description="refuse a cloud with more points, or a mesh with more vertices that has also more than "
+        "three for each triangle: where faces share no vertices, as in STL, `max_faces` limits them",
     )
     max_archive_expansion: int = Field(
         200,

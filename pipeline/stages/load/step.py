@@ -76,7 +76,7 @@ def _bodies(glb: bytes, settings: LoadSettings, text: StepText) -> list[Body]:
 
 
 def _solids(products: list[Body], text: StepText) -> list[Body]:
-    """Each solid by itself, where its triangles are closed. Those of the only product have their own names."""
+    """Each solid by itself, where its triangles are closed. Of the only product they have their own names."""
     if text.surfaces or text.solids < 2:
         return products
     split = [split_solids(product) for product in products]
