@@ -68,10 +68,28 @@ class JobTransitions(TableAccess):
         mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
         return self._update(job_id, *mine, heartbeat_ms=self._clock_ms(), **progress)
 
-    def succeed(self, job_id: str, attempt: int, files: list[dict[str, Any]]) -> bool:
-        """Publish: clients see the files of this attempt from this UPDATE on."""
+    def succeed(
+        self,
+        job_id: str,
+        attempt: int,
+        files: list[dict[str, Any]],
+        *,
+        verdict: str | None = None,
+        decision: str | None = None,
+    ) -> bool:
+        """Publish: clients see the files of this attempt from this UPDATE on.
+
+        verdict, decision : of the results of a registration
+        """
         return self._finish(
-            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0
+            job_id,
+            attempt,
+            Status.SUCCESSFUL,
+            files=files,
+            published_attempt=attempt,
+            progress=100.0,
+            verdict=verdict,
+            decision=decision,
         )
 
     def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
@@ -144,6 +162,8 @@ class JobTransitions(TableAccess):
             is_done = done.scalar_one_or_none() is not None
             if is_done and counted_as is not None:
                 count(session, "cusp_jobs_ended", counted_as)
+            if is_done and values.get("decision") is not None:
+                count(session, "cusp_decisions", values["decision"])
             if is_done and "status" in values and values["status"].is_final:
                 announce(session, job_id, self._clock_ms())
             return is_done
