@@ -7,9 +7,10 @@ in material, and leads through it for three visible distances at least, deeper i
 
 import numpy as np
 
-from pipeline.kernels.surface import Surface
+from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.kernels.surface_patches import Patch, adjacency_of, largest_patch
 from pipeline.stages.registration import Fit
+from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.thresholds import DIFFERENCE
 
@@ -18,10 +19,13 @@ from pipeline.verification.thresholds import DIFFERENCE
 STEPS = (0.0, 1.0, 2.0, 3.0)
 
 
-def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> Patch | None:
+def seen_through_patch(scan: PlacedScan, surfaces: ChordErrors, signed_mm: FloatArray) -> Patch | None:
     """The largest patch of the scan, in the design's frame, that lies behind material of the design; its
     value is the depth in that material. None for a cloud, which has no normals of its own.
+
+    signed_mm : (n,) of the vertices of the scan, + outside the design
     """
+    design, visible_mm = surfaces.design, surfaces.visible_mm
     if scan.surface is None:
         return None
     fit: Fit = scan.fit
@@ -39,6 +43,12 @@ def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> 
     behind = np.zeros(len(depth_mm), dtype=np.bool_)
     behind[rows] = True
     near = adjacency_of(scan.mesh)  # its second power bridges a vertex that noise lifts
-    patch = largest_patch(fit.moved, near @ near, scan.mesh.vertex_areas_mm2(), depth_mm, behind)
     min_area_mm2 = DIFFERENCE.min_through_share * float(design.mesh.face_areas_mm2().sum())
-    return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    def patch_of(chosen: BoolArray) -> Patch | None:
+        patch = largest_patch(fit.moved, near @ near, scan.mesh.vertex_areas_mm2(), depth_mm, chosen)
+        return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    if patch_of(behind) is None:
+        return None
+    return patch_of(behind & ~surfaces.explain_scan(fit.closest.face, signed_mm))
