@@ -82,7 +82,9 @@ def compute_registration(
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
     input_scan = input_scan.without(*without_oversize(input_scan.cleaned, design.analysis.mesh))
     input_scan = input_scan.without(*without_table(input_scan.cleaned, design.analysis.mesh, seed))
-    scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, timer, seed)
+    scan = analyse_mesh(
+        input_scan.mesh, "scan", design.scales, settings, timer, seed, stations=input_scan.stations
+    )
     with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)
     with timer.stage(Stage.REGISTRATION):
