@@ -199,6 +199,13 @@ def row_of(error: type[Exception]) -> Row:
     return next((TABLE[base] for base in error.__mro__ if base in TABLE), TABLE[InternalError])
 
 
+#: By code: `type`, `title` and `status` of a problem of this program.
+PROBLEM_CODES: dict[str, tuple[str, str, int]] = {
+    error.code: (TYPE_PREFIX + error.code, row.title, row.status)  # type: ignore[attr-defined]
+    for error, row in TABLE.items()
+}
+
+
 def problem_of(error: PipelineError | ServiceError, *, instance: str | None = None) -> Problem:
     """The RFC 9457 document of an error."""
     row = row_of(type(error))

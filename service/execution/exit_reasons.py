@@ -2,7 +2,6 @@
 
 import os
 import signal
-from typing import Literal
 
 from service.contract.errors import JobCrashed, JobOutOfMemory, JobTimedOut, ServiceError, problem_of
 from service.contract.schemas import Problem
@@ -20,7 +19,7 @@ SIGNAL_HINTS = {
 
 def explain_exit(
     status: int | None,
-    by: Literal["time", "memory", "kill"] | str | None,
+    by: str | None,
     peak_mib: float | None,
     memory_limit_mib: int,
     time_limit_s: float,
@@ -30,6 +29,14 @@ def explain_exit(
     `by` is the limit for which this service killed it, if any.
     """
     return problem_of(_error(status, by, peak_mib, memory_limit_mib, time_limit_s))
+
+
+def no_process(reason: str) -> Problem:
+    """The problem of a job for which the system gave no process."""
+    detail = (
+        f"the system has no room for the process of the job ({reason}); send it again, or ask the operator"
+    )
+    return problem_of(JobCrashed(f"{detail} for a higher limit of processes or memory"))
 
 
 def _error(
@@ -42,6 +49,8 @@ def _error(
         )
     if by == "memory":
         return JobOutOfMemory(out_of_memory_detail(memory_limit_mib))
+    if by == "processes":
+        return JobCrashed("the job started more processes than a job needs, and was stopped; report it")
     if status is None:
         return JobCrashed("the parent process of the job died, and the job with it; send it again")
     if not os.WIFSIGNALED(status):
