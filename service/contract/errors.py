@@ -127,6 +127,10 @@ class JobOutOfMemory(ServiceError):
     code = "job_out_of_memory"
 
 
+class JobOutOfDisk(ServiceError):
+    code = "job_out_of_disk"
+
+
 class JobTimedOut(ServiceError):
     code = "job_timed_out"
 
@@ -169,6 +173,7 @@ TABLE: dict[type[Exception], Row] = {
     # the child process of a job
     JobCrashed: Row(500, "The process of the job crashed"),
     JobOutOfMemory: Row(500, "The job exceeded its memory limit"),
+    JobOutOfDisk: Row(500, "The job exceeded its disk limit"),
     JobTimedOut: Row(500, "The job exceeded its time limit"),
     # the meshes
     PipelineError: Row(422, "The meshes are unusable"),

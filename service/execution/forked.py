@@ -3,7 +3,6 @@
 import faulthandler
 import json
 import os
-import resource
 import signal
 import traceback
 from contextlib import suppress
@@ -14,26 +13,37 @@ from typing import Any, NoReturn
 from pipeline import PipelineError
 from service.contract.errors import JobCrashed, JobOutOfMemory, ServiceError, problem_of
 from service.execution import process
+from service.execution.confinement.confine import Confinement
+from service.execution.confinement.limits import limit_resources
 from service.execution.job_answer import write_answer
 from service.execution.progress_pipe import ProgressWriter
 
 NICE = 10  # the API has priority
 TASK_FILE = "task.json"  # in the job's folder: a message on the zygote's socket must fit into one packet
 MIB = 1024 * 1024
-MIN_FILE_LIMIT_BYTES = 1024 * MIB  # a file of results may be larger than a small limit of memory
 
 
-def main(target: ModuleType, order: dict[str, Any], progress_fd: int, close: list[int]) -> NoReturn:
+def main(
+    target: ModuleType,
+    order: dict[str, Any],
+    progress_fd: int,
+    confinement: Confinement,
+    close: list[int],
+) -> NoReturn:
     """Never returns: no exception may unwind into the loop of the zygote."""
     code = 1
     try:
-        _limit_process(Path(order["folder"]), order["memory_limit_bytes"], close)
-        code = _work(target, order, ProgressWriter(progress_fd))
+        folder = Path(order["folder"])
+        _prepare_process(folder, close)
+        limit_resources(order["memory_limit_bytes"])
+        task = json.loads(Path(TASK_FILE).read_bytes())  # the job's folder is the working directory
+        confinement.apply(folder, with_processes=target.needs_processes(task))
+        code = _work(target, task, order["memory_limit_bytes"], ProgressWriter(progress_fd))
     finally:
         os._exit(code)
 
 
-def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
+def _prepare_process(folder: Path, close: list[int]) -> None:
     zygote_pid = os.getppid()
     os.setsid()
     process.die_with_parent(zygote_pid)
@@ -47,12 +57,6 @@ def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> N
     with suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(NICE))
     process.offer_to_oom_killer()
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    largest_file = max(memory_limit_bytes, MIN_FILE_LIMIT_BYTES)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))  # the disk is shared
-    # The zygote enforces the limit of resident memory: thread stacks, allocator arenas and libraries reserve
-    # gigabytes of addresses that they never touch. This limit stops what grows faster than the zygote polls.
-    process.limit_address_space(2 * memory_limit_bytes)
     os.chdir(folder)
     log = os.open("child.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(log, 1)
@@ -60,13 +64,11 @@ def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> N
     faulthandler.enable(2)  # writes a traceback to child.log
 
 
-def _work(target: ModuleType, order: dict[str, Any], progress: ProgressWriter) -> int:
+def _work(target: ModuleType, task: dict[str, Any], memory_limit_bytes: int, progress: ProgressWriter) -> int:
     try:
-        task = json.loads(Path(TASK_FILE).read_bytes())  # the job's folder is the working directory
         target.run(task, progress.send)
     except MemoryError:
-        limit_mib = order["memory_limit_bytes"] // MIB
-        return _answer(JobOutOfMemory(out_of_memory_detail(limit_mib)))
+        return _answer(JobOutOfMemory(out_of_memory_detail(memory_limit_bytes // MIB)))
     except PipelineError as error:
         return _answer(error)
     except Exception as error:

@@ -82,6 +82,14 @@ def descendants_of(pid: int, at_most: int) -> list[int]:
     return found
 
 
+def threads_of(pid: int) -> int:
+    """Number of threads of a process; 0 when it is gone."""
+    try:
+        return Path(f"/proc/{pid}/task").stat().st_nlink - 2
+    except OSError:
+        return 0
+
+
 def resident_bytes(pid: int) -> int:
     """Memory of a process that is its own or copied since the fork; 0 when it is gone.
 

@@ -19,9 +19,12 @@ import structlog
 
 from service.contract.schemas import Problem
 from service.execution import process
+from service.execution.confinement.measures import Measures
 from service.execution.exit_reasons import explain_exit, no_process
+from service.execution.folder_size import used_bytes
 from service.execution.forked import TASK_FILE
 from service.execution.job_answer import JobAnswer, read_answer, read_regular_file
+from service.execution.job_limits import Limits
 from service.execution.progress_pipe import ProgressReader
 from service.execution.zygote_link import Run, SandboxError, ZygoteLink
 
@@ -30,18 +33,11 @@ READ_INTERVAL_S = 0.05  # between reads of the progress of one job, however much
 START_RETRY_S = 30.0  # how long a process is asked for that the system refuses
 START_PAUSE_S = 0.5
 KILL_GRACE_S = 5.0  # a killed child ends in milliseconds; after this the zygote counts as dead
+MIB = 1024 * 1024
 LOG_TAIL_BYTES = 4000
 log = structlog.get_logger()
 
 __all__ = ["Limits", "Outcome", "Sandbox", "SandboxError", "log_tail"]
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Time and memory limit of one job."""
-
-    time_s: float
-    memory_mib: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +50,14 @@ class Outcome:
     peak_mib: float | None
 
 
+KilledFor = Literal["time", "disk", "unwanted"]
 OnProgress = Callable[[str, float, str], None]  # stage, percent, message
 
 
 class Sandbox:
-    """`target` names the module whose `preload()` and `run(task, on_progress)` the processes call."""
+    """`target` names the module whose `preload()`, `needs_processes(task)` and `run(task, on_progress)` the
+    processes call.
+    """
 
     def __init__(self, limits: Limits, *, target: str = "service.execution.child") -> None:
         self._limits = limits
@@ -85,6 +84,11 @@ class Sandbox:
             if self._link is None:
                 self._link = ZygoteLink(self._target)
             return self._link
+
+    @property
+    def measures(self) -> Measures:
+        """How the processes are confined; starts the zygote if there is none."""
+        return self._started().measures
 
     def stop(self) -> None:
         """Kill every job and the zygote."""
@@ -118,14 +122,22 @@ class Sandbox:
             time.sleep(START_PAUSE_S)
 
     def _try(
-        self, key: str, folder: Path, on_progress: OnProgress, is_wanted: Callable[[], bool]
+        self,
+        key: str,
+        folder: Path,
+        on_progress: OnProgress,
+        is_wanted: Callable[[], bool],
     ) -> Outcome | str:
         """The outcome, or the reason why the system refused a process."""
         link = self._started()
         read_fd, write_fd = os.pipe()
         try:
             try:
-                run = link.start(key, str(folder), self._limits.memory_mib * 1024 * 1024, write_fd)
+                order = {
+                    "folder": str(folder),
+                    "memory_limit_bytes": self._limits.memory_mib * MIB,
+                }
+                run = link.start(key, order, write_fd)
             finally:
                 os.close(write_fd)
             try:
@@ -148,7 +160,7 @@ class Sandbox:
         is_wanted: Callable[[], bool],
     ) -> Outcome | str:
         started_at = looked_at = time.monotonic()
-        killed_for: Literal["time", "unwanted"] | None = None
+        killed_for: KilledFor | None = None
         killed_at = read_at = 0.0
         while not run.is_over:
             now = time.monotonic()
@@ -156,6 +168,8 @@ class Sandbox:
             pause_s = POLL_INTERVAL_S if may_read or progress.is_closed else READ_INTERVAL_S
             fds = [run.wake_fd, *([progress.fd] if may_read else [])]
             readable, _, _ = select.select(fds, [], [], pause_s)
+            if run.wake_fd in readable:
+                run.clear_wake()
             if progress.fd in readable:
                 read_at = time.monotonic()
                 self._report(progress, on_progress, is_killed=killed_for is not None)
@@ -168,7 +182,10 @@ class Sandbox:
                 killed_for = "time"
             elif now - looked_at > POLL_INTERVAL_S:
                 looked_at = now
-                killed_for = None if is_wanted() else "unwanted"
+                if not is_wanted():
+                    killed_for = "unwanted"
+                elif used_bytes(folder, run.pid) > self._limits.disk_mib * MIB:
+                    killed_for = "disk"
             if killed_for is not None and not killed_at:
                 killed_at = now
                 link.kill(run.key)
@@ -192,7 +209,7 @@ class Sandbox:
         self,
         run: Run,
         answer: JobAnswer | None,
-        killed_for: Literal["time", "unwanted"] | None,
+        killed_for: KilledFor | None,
         seconds: float,
     ) -> Outcome:
         ended = run.ended or {}
@@ -207,10 +224,9 @@ class Sandbox:
                 return Outcome("done", None, seconds, peak_mib)
         problem = explain_exit(
             ended.get("status"),
-            "time" if killed_for == "time" else by,
+            killed_for or by,
             peak_mib,
-            self._limits.memory_mib,
-            self._limits.time_s,
+            self._limits,
         )
         return Outcome("failed", problem, seconds, peak_mib)
 

@@ -22,15 +22,17 @@ import sys
 import time
 from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import ModuleType
 from typing import Any
 
 from service.execution import forked, process
+from service.execution.confinement.confine import Confinement
 
 WATCH_INTERVAL_S = 0.05  # between checks of the children's memory
 MESSAGE_BYTES = 64 * 1024
 MAX_PROCESSES = 16  # of one job; a STEP is read in a second process, nothing needs a third
+MAX_THREADS = 512  # of one job; libraries start one for each core
 ORPHAN_INTERVAL_S = 0.002
 ORPHAN_TIMEOUT_S = 2.0  # a killed process ends in milliseconds, unless it waits in the kernel
 
@@ -56,8 +58,9 @@ class End:
 class Zygote:
     """Forks, watches and reaps. Single-threaded, since only then a fork is safe."""
 
-    def __init__(self, control: socket.socket, target: ModuleType) -> None:
+    def __init__(self, control: socket.socket, target: ModuleType, confinement: Confinement) -> None:
         self._control = control
+        self._confinement = confinement
         self._target = target
         self._children: dict[int, Child] = {}
         self._ends: list[End] = []
@@ -123,7 +126,7 @@ class Zygote:
             self._send({"event": "refused", "key": order["start"], "reason": str(error)})
             return
         if pid == 0:
-            forked.main(self._target, order, progress_fd, close=self._inherited_fds())
+            forked.main(self._target, order, progress_fd, self._confinement, self._inherited_fds())
         self._children[pid] = Child(order["start"], pid, order["memory_limit_bytes"])
         self._send({"event": "started", "key": order["start"], "pid": pid})
 
@@ -178,7 +181,7 @@ class Zygote:
 
     def _exceeded(self, child: Child) -> str | None:
         others = process.descendants_of(child.pid, MAX_PROCESSES)
-        if len(others) >= MAX_PROCESSES:
+        if len(others) >= MAX_PROCESSES or process.threads_of(child.pid) > MAX_THREADS:
             return "processes"
         used = sum(process.resident_bytes(pid) for pid in (child.pid, *others))
         return "memory" if used > child.memory_limit_bytes else None
@@ -210,10 +213,11 @@ def main(control_fd: int, target_name: str) -> None:
     control = socket.socket(fileno=control_fd)
     target = importlib.import_module(target_name)
     target.preload()
+    confinement = Confinement.prepare()
     gc.collect()
     gc.freeze()  # keep the collector of each child from copying every page
-    control.send(json.dumps({"event": "ready"}).encode())
-    Zygote(control, target).serve()
+    control.send(json.dumps({"event": "ready", "measures": asdict(confinement.measures)}).encode())
+    Zygote(control, target, confinement).serve()
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import structlog
 
+from service.execution.confinement.measures import Measures
 from service.execution.environment import kept_environment
 
 READY_TIMEOUT_S = 120.0  # imports take two seconds, longer from a cold disk
@@ -46,6 +47,11 @@ class Run:
     ended: dict[str, Any] | None = None
     is_lost: bool = False  # the zygote died
 
+    def clear_wake(self) -> None:
+        """Note that the news was seen, before looking at it."""
+        with suppress(BlockingIOError):
+            os.eventfd_read(self.wake_fd)
+
     @property
     def is_over(self) -> bool:
         """True when nothing more will be said."""
@@ -73,7 +79,7 @@ class ZygoteLink:
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self.process = subprocess.Popen(  # noqa: S603 (our own module)
-                [sys.executable, "-m", "service.execution.zygote", str(theirs.fileno()), self.target],
+                [sys.executable, "-P", "-m", "service.execution.zygote", str(theirs.fileno()), self.target],
                 pass_fds=[theirs.fileno()],
                 env={**kept_environment(), **ONE_THREAD},
                 stdin=subprocess.DEVNULL,
@@ -87,16 +93,17 @@ class ZygoteLink:
     def _await_ready(self) -> None:
         self._control.settimeout(READY_TIMEOUT_S)
         try:
-            is_ready = bool(self._control.recv(EVENT_BYTES))
+            ready = self._control.recv(EVENT_BYTES)
         except (TimeoutError, ConnectionError):
-            is_ready = False
-        if not is_ready:
+            ready = b""
+        if not ready:
             self.process.kill()
             self.process.wait()
             said = self.tail()
             self._control.close()
             self._output.close()
             raise SandboxError(f"the process that jobs are forked from does not start:\n{said}")
+        self.measures = Measures(**json.loads(ready)["measures"])
         self._control.settimeout(None)
         # A send that waits holds the lock that every job needs; a receive may wait as long as it likes.
         limit = struct.pack("@ll", int(SEND_TIMEOUT_S), 0)
@@ -107,14 +114,16 @@ class ZygoteLink:
         """False once its process ended."""
         return self.process.poll() is None
 
-    def start(self, key: str, folder: str, memory_limit_bytes: int, progress_fd: int) -> Run:
-        """Order a child. The run may be refused or lost later; `forget` it in the end."""
+    def start(self, key: str, order: dict[str, Any], progress_fd: int) -> Run:
+        """Order a child. The run may be refused or lost later; `forget` it in the end.
+
+        order : `folder` and `memory_limit_bytes`, for `forked.main`
+        """
         run = Run(key, os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC))
         with self._lock:
             self._runs[key] = run
             run.is_lost = self._is_deaf
-        order = {"start": key, "folder": folder, "memory_limit_bytes": memory_limit_bytes}
-        self._send(order, [progress_fd])
+        self._send({"start": key, **order}, [progress_fd])
         return run
 
     def kill(self, key: str) -> None:

@@ -2,17 +2,20 @@
 
 import json
 import os
+import select
 import signal
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from service.execution.job_limits import Limits
 from service.execution.progress_pipe import MAX_LINES
-from service.execution.sandbox import READ_INTERVAL_S, Limits, Outcome, Sandbox, SandboxError
+from service.execution.sandbox import READ_INTERVAL_S, Outcome, Sandbox, SandboxError
 
 MISBEHAVING = Path(__file__).parent / "misbehaving"
 Make = Callable[..., Sandbox]
@@ -24,8 +27,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     monkeypatch.setenv("PYTHONPATH", str(MISBEHAVING))
     made: list[Sandbox] = []
 
-    def make_one(target: str, time_s: float = 30.0, memory_mib: int = 300) -> Sandbox:
-        made.append(Sandbox(Limits(time_s, memory_mib), target=target))
+    def make_one(target: str, time_s: float = 30.0, memory_mib: int = 300, disk_mib: int = 4096) -> Sandbox:
+        made.append(Sandbox(Limits(time_s, memory_mib, disk_mib), target=target))
         return made[-1]
 
     yield make_one
@@ -333,3 +336,25 @@ def test_two_jobs_run_side_by_side(make: Make, tmp_path: Path) -> None:
 def test_a_zygote_that_cannot_start_says_why(make: Make) -> None:
     with pytest.raises(SandboxError, match="libopengl0 is missing"):
         make("cannot_preload").start()
+
+
+def test_a_worker_that_waits_for_a_job_does_not_spin(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+    select_, asked = select.select, threading.Event()
+
+    def counting(*given: Any) -> Any:
+        calls.append(1)
+        return select_(*given)
+
+    def is_wanted() -> bool:
+        if asked.is_set():
+            (tmp_path / "go").touch()
+        asked.set()
+        return True
+
+    monkeypatch.setattr("service.execution.sandbox.select.select", counting)
+    assert run(make("slow"), tmp_path, wanted=is_wanted).kind == "done"
+    # One wait ends by each of: the start, three messages, the closed pipe, the end, and every 0.2 s.
+    assert len(calls) < 40

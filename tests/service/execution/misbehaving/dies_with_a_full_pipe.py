@@ -7,6 +7,10 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return False
+
+
 def run(task, on_progress) -> None:
     report = on_progress.__self__._fd
     os.set_blocking(report, False)

@@ -11,6 +11,10 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return False
+
+
 def run(task, on_progress) -> None:
     results = Path(task["out"])
     results.mkdir()
