@@ -22,6 +22,7 @@ from service.contract.schemas import (
     StudyRequest,
     Units,
 )
+from service.execution.exit_reasons import out_of_disk_detail
 from service.execution.forked import out_of_memory_detail
 from service.jobs.models import JobRow
 from service.jobs.views import job_of
@@ -75,6 +76,7 @@ SERVICE_ERRORS: list[ServiceError] = [
         "repair it and send it again"
     ),
     errors.JobOutOfMemory(out_of_memory_detail(4096)),
+    errors.JobOutOfDisk(out_of_disk_detail(4096)),
     errors.JobTimedOut(
         "the job exceeded its time limit of 900 s and was stopped; decimate the meshes, "
         "lower resample.target_vertices or the trials of a study, or raise CUSP_JOB_TIME_LIMIT_S"

@@ -351,6 +351,7 @@ class Limits(Response):
     max_upload_mib: int = Field(description="largest request body")
     job_time_limit_s: float = Field(description="a job that runs longer fails with job_timed_out")
     job_memory_limit_mib: int = Field(description="a job that takes more memory fails with job_out_of_memory")
+    job_disk_limit_mib: int = Field(description="a job that takes more disk space fails with job_out_of_disk")
     queue_limit: int = Field(description="limit of waiting jobs; beyond it, jobs are refused with queue_full")
     tenant_queue_limit: int = Field(
         description="limit of waiting jobs of one tenant; beyond it, jobs are refused with tenant_queue_full"
@@ -363,12 +364,21 @@ class Limits(Response):
     formats: list[str] = Field(description="supported mesh formats")
 
 
+class SandboxMeasures(Response):
+    """How jobs are confined, on the machine that answers."""
+
+    landlock: int = Field(description="version of Landlock; 0: the kernel has none or does not allow it")
+    system_calls_filtered: bool = Field(description="by seccomp")
+    missing: list[str] = Field(description="what is not confined; empty: everything is")
+
+
 class Version(Response):
     """Version of the service."""
 
     name: Literal["cusp"] = Field("cusp", description="of the service")
     version: str = Field(description="of Cusp")
     schema_version: Literal["1"] = Field("1", description="of the results")
+    sandbox: SandboxMeasures = Field(description="how jobs are confined")
 
 
 class Health(Response):

@@ -3,7 +3,8 @@
 A caller that comes second, or whose job was reassigned meanwhile, changes nothing and gets False.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from sqlalchemy import select, update
@@ -73,28 +74,31 @@ class JobTransitions(TableAccess):
         job_id: str,
         attempt: int,
         files: list[dict[str, Any]],
+        progress: Mapping[str, Any] = MappingProxyType({}),
         *,
         verdict: str | None = None,
         decision: str | None = None,
     ) -> bool:
         """Publish: clients see the files of this attempt from this UPDATE on.
 
+        progress : the last of the job (`stage`, `progress`, `message`), which may not be written yet;
         verdict, decision : of the results of a registration
         """
+        values = {**progress, "progress": 100.0, "verdict": verdict, "decision": decision}
         return self._finish(
-            job_id,
-            attempt,
-            Status.SUCCESSFUL,
-            files=files,
-            published_attempt=attempt,
-            progress=100.0,
-            verdict=verdict,
-            decision=decision,
+            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, **values
         )
 
-    def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
-        """End the job with the problem that stopped it."""
-        return self._finish(job_id, attempt, Status.FAILED, error=problem.model_dump(exclude_none=True))
+    def fail(
+        self,
+        job_id: str,
+        attempt: int,
+        problem: Problem,
+        progress: Mapping[str, Any] = MappingProxyType({}),
+    ) -> bool:
+        """End the job with the problem that stopped it; progress : as for `succeed`."""
+        error = problem.model_dump(exclude_none=True)
+        return self._finish(job_id, attempt, Status.FAILED, error=error, **progress)
 
     def release(self, job_id: str, attempt: int) -> bool:
         """End an attempt that is not to blame (its worker stops); the job waits for another attempt."""
