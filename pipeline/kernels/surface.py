@@ -15,6 +15,7 @@ import open3d as o3d
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.kernels import topology
+from pipeline.kernels.chords import Chords
 from pipeline.kernels.native import core
 
 
@@ -32,6 +33,16 @@ class Closest:
     weights: FloatArray
     distance: FloatArray
     normal: FloatArray
+
+    def of(self, chosen: IndexArray) -> "Closest":
+        """Of the queries `chosen` (j,) only."""
+        return Closest(
+            self.point[chosen],
+            self.face[chosen],
+            self.weights[chosen],
+            self.distance[chosen],
+            self.normal[chosen],
+        )
 
 
 #: Queries from which starting threads pays off; affects run time only.
@@ -69,6 +80,11 @@ class Surface:
     def edges(self) -> topology.Edges:
         """The edges of the mesh."""
         return topology.edges(self.mesh.faces)
+
+    @cached_property
+    def chords(self) -> Chords:
+        """What the triangles of the mesh leave out between their corners."""
+        return Chords.of(self.mesh, self.edges)
 
     @cached_property
     def vertex_normals(self) -> FloatArray:

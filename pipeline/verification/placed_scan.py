@@ -63,3 +63,13 @@ class ShownSurface:
             found.distance,
             self.normal_sign * found.normal @ T[:3, :3].T,
         )
+
+    def signed_distance(self, points: FloatArray) -> tuple[FloatArray, IndexArray]:
+        """(k,) mm of `points` (k, 3), in the frame of the design, to the surface, positive in front of it,
+        and (k,) its closest triangle; 0 where the closest place is an open border, beyond which nothing was
+        scanned.
+        """
+        local = rigid.transformed(rigid.inverse(self.T_design_surface), points)
+        found = self.surface.closest(local)
+        signed_mm = self.normal_sign * self.surface.signed_distance(local, found)
+        return np.where(self.surface.on_open_border(found), 0.0, signed_mm), found.face

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from pipeline.core.mesh import FloatArray
+from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.kernels import rigid
 from pipeline.kernels.nearest import nearest
-from pipeline.kernels.surface import Surface
 from pipeline.kernels.surface_patches import Patch, adjacency_of, largest_patch
+from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.thresholds import DIFFERENCE
 
@@ -36,10 +36,13 @@ class _Looking:
     areas_mm2: FloatArray
 
 
-def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> Patch | None:
+def seen_through_patch(scan: PlacedScan, surfaces: ChordErrors, signed_mm: FloatArray) -> Patch | None:
     """The largest patch of the scan, in the design's frame, that lies behind material of the design; its
     value is the depth in that material. None for a cloud whose file does not say where its scanner stood.
+
+    signed_mm : (n,) of the vertices of the scan, + outside the design
     """
+    design, visible_mm = surfaces.design, surfaces.visible_mm
     looking = _towards_scanner(scan) if scan.surface is None else _along_normals(scan)
     if looking is None:
         return None
@@ -56,9 +59,16 @@ def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> 
     behind = np.zeros(len(depth_mm), dtype=np.bool_)
     behind[rows] = True
     near = looking.near @ looking.near  # its second power bridges a place that noise lifts
-    patch = largest_patch(looking.points, near, looking.areas_mm2, depth_mm, behind)
     min_area_mm2 = DIFFERENCE.min_through_share * float(design.mesh.face_areas_mm2().sum())
-    return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    def patch_of(chosen: BoolArray) -> Patch | None:
+        patch = largest_patch(looking.points, near, looking.areas_mm2, depth_mm, chosen)
+        return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    found = patch_of(behind)
+    if found is None or scan.surface is None:  # the points of a cloud have no chords
+        return found
+    return patch_of(behind & ~surfaces.explain_scan(scan.fit.closest.face, signed_mm))
 
 
 def _along_normals(scan: PlacedScan) -> _Looking:

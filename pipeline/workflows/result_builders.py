@@ -63,6 +63,8 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         ),
         deviation=outcome.deviations.summary if has_pose else None,
         deviation_of_design=outcome.of_design,
+        inspection=outcome.inspection,
+        reference=job.reference,
         observability=observability(registration) if has_pose else None,
         scale=None if outcome.scale is None else scale(outcome.scale, checks.unit_factor),
         scan=scan_quality(outcome.quality, outcome.input_scan.left_out_share),

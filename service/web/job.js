@@ -18,7 +18,7 @@ const PAGES = { registration: './registration.js', landmarks: './landmarks.js', 
 
 /** signal : aborted when people go elsewhere */
 export async function open(id, signal) {
-  for (const box of ['result', 'failed', 'offer', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
+  for (const box of ['result', 'failed', 'offer', 'decision', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
   delete $('result').dataset.shown;
   $('job-title').textContent = 'Job';
   $('job-made').textContent = '';
