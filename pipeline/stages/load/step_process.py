@@ -10,9 +10,9 @@ import signal
 import struct
 import subprocess
 import sys
-import tempfile
+import threading
+from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import IO
 
 #: Angle in radians between neighbouring triangles on a curved face; the default of Open CASCADE.
@@ -29,23 +29,38 @@ _LENGTH, _TOLERANCE = struct.Struct("<Q"), struct.Struct("<d")
 
 
 class Tessellation:
-    """One STEP, to be tessellated with several tolerances; to be closed, as by `with`."""
+    """One STEP, tessellated with several tolerances; used with `with`, whose end tells what was wrong."""
 
     def __init__(self, step: bytes) -> None:
-        self._messages = tempfile.TemporaryFile()  # noqa: SIM115 (closed by __exit__)
         command = [sys.executable, "-I", str(PROGRAM)]
         self._process = subprocess.Popen(  # noqa: S603
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._messages
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
+        # a pipe that nobody reads would stop the process; a job can write no file beside its own
+        self._messages: list[bytes] = []
+        self._reader = threading.Thread(target=self._read_messages, daemon=True)
+        self._reader.start()
         self._step: bytes | None = step
 
     def __enter__(self) -> "Tessellation":
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._process.kill()
-        self._process.communicate()
-        self._messages.close()
+    def __exit__(self, *_: object) -> None:
+        """Raise what Open CASCADE said of the file: the reason of whatever came of it.
+
+        Raises
+        ------
+        UnreadableFile
+            With the line of a syntax error, or how many references lead nowhere; or how the process ended.
+        MemoryError
+        """
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+        code = self._process.wait()  # it ends when nothing more can be asked
+        self._reader.join()
+        _check(code, b"".join(self._messages).decode(errors="replace"))
 
     def glb(self, tolerance_mm: float) -> bytes:
         """A GLB in metres, empty when there is nothing to tessellate; the same for the same bytes.
@@ -53,25 +68,27 @@ class Tessellation:
         Raises
         ------
         UnreadableFile
-            With the line of a syntax error, or how many references lead nowhere.
-        MemoryError
+            When the process has ended; `__exit__` has the reason.
         """
+        from pipeline.core.errors import UnreadableFile
+
         assert self._process.stdin is not None and self._process.stdout is not None  # noqa: S101 (for mypy)
-        found = None
-        try:
+        with suppress(BrokenPipeError):  # it has ended
             if self._step is not None:
                 self._process.stdin.write(_LENGTH.pack(len(self._step)))
                 self._process.stdin.write(self._step)
                 self._step = None
             self._process.stdin.write(_TOLERANCE.pack(tolerance_mm))
             self._process.stdin.flush()
-            found = _received(self._process.stdout)
-        except BrokenPipeError:  # it has ended, and its messages say why
-            pass
-        code = self._process.wait() if found is None else 0
-        self._messages.seek(0)
-        _check(code, self._messages.read().decode(errors="replace"))
-        return found or b""
+        found = _received(self._process.stdout)
+        if found is None:
+            raise UnreadableFile("the STEP is damaged: Open CASCADE ended")
+        return found
+
+    def _read_messages(self) -> None:
+        if self._process.stderr is not None:
+            with self._process.stderr as stream:
+                self._messages.extend(iter(lambda: stream.read(65536), b""))
 
 
 def _received(stream: IO[bytes]) -> bytes | None:
