@@ -24,6 +24,7 @@ from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.size_evidence import assess_size
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, VERDICT, LogisticModel
+from pipeline.verification.tight_fit import TightFit
 
 #: What each piece of evidence measures, for people.
 DETAILS = {
@@ -101,6 +102,11 @@ class Case:
     def rms_mm(self) -> float:
         """Truncated RMS distance of the scan to the design."""
         return self.registration.fit.truncated_rms_mm
+
+    @property
+    def tight_fit(self) -> TightFit:
+        """How the scan fits, beside the evidence."""
+        return TightFit(self.rms_mm, self.surfaces, self.strain, self.quality, self.diagonal_mm)
 
     def is_loose(self, settings: RegistrationSettings) -> bool:
         return is_loose(self.rms_mm, self.diagonal_mm, settings)
