@@ -126,7 +126,8 @@ def check_mirror_image(
     search = search_pose(model, design.surface, matching, settings.registration, thorough=False)
     inlier_mm, best = registration.inlier_distance_mm, search.best
     by_samples_mm = float(np.sqrt(best.cost_mm2))
-    limit_mm = settings.registration.mirror_gain * registration.fit.truncated_rms_mm
+    gain_mm = settings.registration.mirror_gain * registration.fit.truncated_rms_mm
+    limit_mm = max(gain_mm, VERDICT.mirror_better_ratio * registration.fit.truncated_rms_mm)
     if by_samples_mm > HYPOTHESES.mirror_sample_margin * limit_mm:  # no need to look at every vertex
         return MirrorCheck(by_samples_mm), best.T_design_scan
     fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
@@ -152,10 +153,12 @@ def check_mirror_image(
         design.matching_mm,
     )
     ratios = [score_ratio(pose.score_mm2, best.score_mm2, design.diagonal_mm) for pose in search.alternatives]
+    if rms_mm > gain_mm:
+        return MirrorCheck(rms_mm, detail_mm=surfaces.detail_mm), best.T_design_scan
     values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
     values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
     values["coverage"] = log_coverage(best.coverage)
     part, pose = (probability(model, values) for model in (CONFIDENCE.same_part, CONFIDENCE.pose))
     strain = assess_size(model.mesh, fit, design.surface, inlier_mm, job.seed)
     tight = TightFit(rms_mm, surfaces, strain, quality, design.diagonal_mm)
-    return MirrorCheck(rms_mm, part, pose, tight.holds()), best.T_design_scan
+    return MirrorCheck(rms_mm, surfaces.detail_mm, part, pose, tight.holds()), best.T_design_scan

@@ -125,9 +125,13 @@ class Case:
         return any(ratio < required for ratio in self.alternative_ratios())
 
     def mirror_fits_better(self) -> bool:
-        """Whether the mirrored scan leaves clearly less."""
+        """Whether the mirrored scan leaves clearly less, and not only of smooth distortion: on a part that is
+        nearly its own mirror image a warp may fit either better.
+        """
         mirrored = self.checks.mirrored
-        return mirrored is not None and mirrored.rms_mm < VERDICT.mirror_better_ratio * self.rms_mm
+        if mirrored is None or mirrored.rms_mm >= VERDICT.mirror_better_ratio * self.rms_mm:
+            return False
+        return mirrored.detail_mm is None or mirrored.detail_mm <= self.surfaces.detail_mm
 
 
 def holds_for(settings: Settings) -> bool:

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class MirrorCheck:
-    """The mirrored scan under its best pose. rms_mm : truncated RMS distance; same_part, pose : probabilities
-    that it is of the design, and that its pose is right; None where it fits not much better than the scan
-    itself, so that they were not asked; is_tight : whether it fits as tightly as `ok` asks (`TightFit`)
+    """The mirrored scan under its best pose. rms_mm : truncated RMS distance; detail_mm : difference of shape
+    (`SurfaceEvidence`), None where it fits no better than the scan itself; same_part, pose : probabilities
+    that it is of the design, and that its pose is right; None where it fits not much better, so that they
+    were not asked; is_tight : whether it fits as tightly as `ok` asks (`TightFit`)
     """
 
     rms_mm: float
+    detail_mm: float | None = None
     same_part: float | None = None
     pose: float | None = None
     is_tight: bool = False

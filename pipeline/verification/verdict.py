@@ -27,8 +27,8 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or
     `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
-    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
-    by `mirror_gain`;
+    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`) and
+    differs less in shape, but not by `mirror_gain`, or not as `ok` asks;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
     below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, another
     size along one direction or all, or a flat scan;
