@@ -28,11 +28,11 @@ LABEL org.opencontainers.image.title="Cusp" \
       org.opencontainers.image.licenses="GPL-3.0-only"
 # System libraries of the open3d and pymeshlab wheels. Without libopengl0, pymeshlab loads but silently lacks its
 # meshing filters: hence the check below, and one at each start of the service. Pango, HarfBuzz and a font are for
-# PDF reports.
+# PDF reports; libseccomp confines jobs.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
         libegl1 libgl1 libopengl0 libusb-1.0-0 \
-        libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core python3 \
+        libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core libseccomp2 python3 \
     && rm -rf /var/lib/apt/lists/* \
     && groupadd --gid 10001 cusp \
     && useradd --uid 10001 --gid cusp --no-create-home --home-dir /data --shell /usr/sbin/nologin cusp \

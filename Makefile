@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-# System libraries of the open3d and pymeshlab wheels, text layout of PDF reports, a compiler for the kernels, venv.
+# System libraries of the open3d and pymeshlab wheels, text layout of PDF reports, filters of system calls, a
+# compiler for the kernels, venv.
 SYSTEM := libegl1 libgl1 libopengl0 libusb-1.0-0 \
-    libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core \
+    libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core libseccomp2 \
     g++ python3-venv
 HOST ?= 127.0.0.1
 PORT ?= 8000

@@ -36,6 +36,13 @@ class ServiceSettings(BaseSettings):
     )
     job_time_limit_s: float = Field(900, gt=0, description="a job that runs longer fails (job_timed_out)")
     job_memory_limit_mib: int = Field(4096, ge=64, description="resident memory of a job (job_out_of_memory)")
+    job_disk_limit_mib: int = Field(
+        4096, ge=64, description="disk space of a job, with meshes and results (job_out_of_disk)"
+    )
+    sandbox: Literal["auto", "require"] = Field(
+        "auto",
+        description="`require`: no start where the kernel cannot confine jobs; `auto`: a warning then",
+    )
     max_upload_mib: int = Field(512, ge=1, description="largest request body (payload_too_large)")
     design_cache_mib: int = Field(2048, ge=0, description="size of the cache of design models; 0: no cache")
     retention_h: float = Field(

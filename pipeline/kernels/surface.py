@@ -126,6 +126,13 @@ class Surface:
         hit = scene.test_occlusions(rays, nthreads=threads_for(len(starts)))
         return np.asarray(hit.numpy(), dtype=np.bool_)
 
+    def intersects_segments(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """(k,) whether the segment from `starts` (k, 3) mm to `ends` (k, 3) mm meets the surface."""
+        scene, centre = self._scene
+        rays = o3d.core.Tensor(np.concatenate([starts - centre, ends - starts], axis=1).astype(np.float32))
+        hit = scene.test_occlusions(rays, tfar=1.0, nthreads=threads_for(len(starts)))
+        return np.asarray(hit.numpy(), dtype=np.bool_)
+
     def on_open_border(self, closest: Closest) -> BoolArray:
         """(k,) whether the closest point lies on an open border (an edge with one triangle)."""
         border_edge = self.edges.count == 1

@@ -127,6 +127,10 @@ class JobOutOfMemory(ServiceError):
     code = "job_out_of_memory"
 
 
+class JobOutOfDisk(ServiceError):
+    code = "job_out_of_disk"
+
+
 class JobTimedOut(ServiceError):
     code = "job_timed_out"
 
@@ -169,6 +173,7 @@ TABLE: dict[type[Exception], Row] = {
     # the child process of a job
     JobCrashed: Row(500, "The process of the job crashed"),
     JobOutOfMemory: Row(500, "The job exceeded its memory limit"),
+    JobOutOfDisk: Row(500, "The job exceeded its disk limit"),
     JobTimedOut: Row(500, "The job exceeded its time limit"),
     # the meshes
     PipelineError: Row(422, "The meshes are unusable"),
@@ -182,6 +187,8 @@ TABLE: dict[type[Exception], Row] = {
     mesh.IndexOutOfRange: Row(422, "A face refers to a vertex that does not exist"),
     mesh.NoSurface: Row(422, "The mesh has no triangles"),
     mesh.PartNotFound: Row(422, "The design file has no such part"),
+    mesh.UnknownRegion: Row(422, "The design has no such region"),
+    mesh.PointOffSurface: Row(422, "An inspection point is not on the design"),
     mesh.ColumnsUnfit: Row(422, "The text of points has no such columns"),
     mesh.UnitUnknown: Row(422, "The unit is unknown"),
     mesh.DegenerateMesh: Row(422, "The mesh has no usable surface"),
@@ -197,6 +204,13 @@ def row_of(error: type[Exception]) -> Row:
     class.
     """
     return next((TABLE[base] for base in error.__mro__ if base in TABLE), TABLE[InternalError])
+
+
+#: By code: `type`, `title` and `status` of a problem of this program.
+PROBLEM_CODES: dict[str, tuple[str, str, int]] = {
+    error.code: (TYPE_PREFIX + error.code, row.title, row.status)  # type: ignore[attr-defined]
+    for error, row in TABLE.items()
+}
 
 
 def problem_of(error: PipelineError | ServiceError, *, instance: str | None = None) -> Problem:

@@ -1,7 +1,7 @@
 """The computation of a job in its child process: the only place in the service that calls the pipeline to
 compute.
 
-`Sandbox(target=...)` names this module; tests name others, with the same two functions.
+`Sandbox(target=...)` names this module; tests name others, with the same three functions.
 """
 
 from collections.abc import Callable
@@ -16,6 +16,24 @@ def preload() -> None:
     pipeline.preload()
 
 
+def needs_processes(task: dict[str, Any]) -> bool:
+    """True if reading a mesh of the task takes a second process: that of Open CASCADE, for STEP.
+
+    Called before the process is confined, and therefore looks only at the first bytes of a file.
+    """
+    meshes = [task[name] for name in ("design", "scan", "mesh") if name in task]
+    return any(_is_step(Path(each["path"])) for each in meshes)
+
+
+def _is_step(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(pipeline.HEAD_BYTES)
+    try:
+        return pipeline.detect_format(head, path.stat().st_size) is pipeline.Format.STEP
+    except pipeline.PipelineError:
+        return False  # `run` says what is wrong with the file
+
+
 def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) -> None:
     """Run the job of type `task["type"]`; write results.json and its files to `task["out"]`."""
     common: dict[str, Any] = {
@@ -27,7 +45,14 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
     match task["type"]:
         case "registration":
             design, scan = _mesh(task["design"]), _mesh(task["scan"])
-            own = {name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")}
+            own: dict[str, Any] = {
+                name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")
+            }
+            acceptance, reference = task["acceptance"], task["reference"]
+            own |= {
+                "acceptance": acceptance and pipeline.Acceptance.model_validate(acceptance),
+                "reference": reference and pipeline.Reference.model_validate(reference),
+            }
             pipeline.register(design, scan, **own, **common)
         case "landmarks":
             pipeline.find_landmarks(_mesh(task["mesh"]), **common)

@@ -1,11 +1,9 @@
-"""The child process of a job after the fork: it limits itself, computes, and reports."""
+"""The child process of a job after the fork: it limits itself, computes, and writes its answer."""
 
 import faulthandler
 import json
 import os
-import resource
 import signal
-import time
 import traceback
 from contextlib import suppress
 from pathlib import Path
@@ -15,48 +13,37 @@ from typing import Any, NoReturn
 from pipeline import PipelineError
 from service.contract.errors import JobCrashed, JobOutOfMemory, ServiceError, problem_of
 from service.execution import process
+from service.execution.confinement.confine import Confinement
+from service.execution.confinement.limits import limit_resources
+from service.execution.job_answer import write_answer
+from service.execution.progress_pipe import ProgressWriter
 
 NICE = 10  # the API has priority
 TASK_FILE = "task.json"  # in the job's folder: a message on the zygote's socket must fit into one packet
-MIN_PROGRESS_INTERVAL_S = 0.05
 MIB = 1024 * 1024
-MIN_FILE_LIMIT_BYTES = 1024 * MIB  # a file of results may be larger than a small limit of memory
 
 
-def main(target: ModuleType, order: dict[str, Any], report_fd: int, close: list[int]) -> NoReturn:
+def main(
+    target: ModuleType,
+    order: dict[str, Any],
+    progress_fd: int,
+    confinement: Confinement,
+    close: list[int],
+) -> NoReturn:
     """Never returns: no exception may unwind into the loop of the zygote."""
     code = 1
     try:
-        _limit_process(Path(order["folder"]), order["memory_limit_bytes"], close)
-        code = _work(target, order, Report(report_fd))
+        folder = Path(order["folder"])
+        _prepare_process(folder, close)
+        limit_resources(order["memory_limit_bytes"])
+        task = json.loads(Path(TASK_FILE).read_bytes())  # the job's folder is the working directory
+        confinement.apply(folder, with_processes=target.needs_processes(task))
+        code = _work(target, task, order["memory_limit_bytes"], ProgressWriter(progress_fd))
     finally:
         os._exit(code)
 
 
-class Report:
-    """JSON lines to the worker."""
-
-    def __init__(self, fd: int) -> None:
-        self._fd = fd
-        self._stage = ""
-        self._sent_at = 0.0
-
-    def progress(self, stage: str, percent: float, message: str) -> None:
-        """Send each new stage; within a stage at most one message every MIN_PROGRESS_INTERVAL_S."""
-        now = time.monotonic()
-        if stage == self._stage and now - self._sent_at < MIN_PROGRESS_INTERVAL_S:
-            return
-        self._stage, self._sent_at = stage, now
-        self.send({"event": "progress", "stage": stage, "progress": percent, "message": message})
-
-    def send(self, event: dict[str, Any]) -> None:
-        """Write one line. Writes of up to 4096 bytes are atomic; no other process writes longer ones."""
-        left = json.dumps(event).encode() + b"\n"
-        while left:
-            left = left[os.write(self._fd, left) :]
-
-
-def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> None:
+def _prepare_process(folder: Path, close: list[int]) -> None:
     zygote_pid = os.getppid()
     os.setsid()
     process.die_with_parent(zygote_pid)
@@ -70,12 +57,6 @@ def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> N
     with suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(NICE))
     process.offer_to_oom_killer()
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    largest_file = max(memory_limit_bytes, MIN_FILE_LIMIT_BYTES)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))  # the disk is shared
-    # The zygote enforces the limit of resident memory: thread stacks, allocator arenas and libraries reserve
-    # gigabytes of addresses that they never touch. This limit stops what grows faster than the zygote polls.
-    process.limit_address_space(2 * memory_limit_bytes)
     os.chdir(folder)
     log = os.open("child.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
     os.dup2(log, 1)
@@ -83,25 +64,22 @@ def _limit_process(folder: Path, memory_limit_bytes: int, close: list[int]) -> N
     faulthandler.enable(2)  # writes a traceback to child.log
 
 
-def _work(target: ModuleType, order: dict[str, Any], report: Report) -> int:
+def _work(target: ModuleType, task: dict[str, Any], memory_limit_bytes: int, progress: ProgressWriter) -> int:
     try:
-        task = json.loads(Path(TASK_FILE).read_bytes())  # the job's folder is the working directory
-        target.run(task, report.progress)
+        target.run(task, progress.send)
     except MemoryError:
-        limit_mib = order["memory_limit_bytes"] // MIB
-        return _report_problem(report, JobOutOfMemory(out_of_memory_detail(limit_mib)))
+        return _answer(JobOutOfMemory(out_of_memory_detail(memory_limit_bytes // MIB)))
     except PipelineError as error:
-        return _report_problem(report, error)
+        return _answer(error)
     except Exception as error:
         traceback.print_exc()
         detail = f"an unexpected {type(error).__name__} in the computation; report it with the id of the job"
-        return _report_problem(report, JobCrashed(detail))
-    report.send({"event": "done"})
-    return 0
+        return _answer(JobCrashed(detail))
+    return _answer(None)
 
 
-def _report_problem(report: Report, error: PipelineError | ServiceError) -> int:
-    report.send({"event": "problem", "problem": problem_of(error).model_dump(exclude_none=True)})
+def _answer(error: PipelineError | ServiceError | None) -> int:
+    write_answer(None if error is None else problem_of(error))
     return 0
 
 

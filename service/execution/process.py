@@ -51,7 +51,16 @@ def kill_process(pid: int) -> None:
 
 
 def children_of(parent_pid: int) -> list[int]:
-    """Pids of the direct children of a process."""
+    """Pids of the direct children of a process, zombies included; none when it is gone."""
+    threads = Path(f"/proc/{parent_pid}/task")
+    try:
+        lists = [(thread / "children").read_text() for thread in threads.iterdir()]
+    except OSError:  # it is gone, or one of its threads, or the kernel has no such file
+        return _children_by_search(parent_pid)
+    return [int(pid) for pids in lists for pid in pids.split()]
+
+
+def _children_by_search(parent_pid: int) -> list[int]:
     pids = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -60,6 +69,25 @@ def children_of(parent_pid: int) -> list[int]:
                 if int((entry / "stat").read_text().rpartition(")")[2].split()[1]) == parent_pid:
                     pids.append(int(entry.name))
     return pids
+
+
+def descendants_of(pid: int, at_most: int) -> list[int]:
+    """Pids of the children of a process and of theirs; no more are looked for once `at_most` are found."""
+    found: list[int] = []
+    todo = [pid]
+    while todo and len(found) < at_most:
+        children = children_of(todo.pop())
+        found += children
+        todo += children
+    return found
+
+
+def threads_of(pid: int) -> int:
+    """Number of threads of a process; 0 when it is gone."""
+    try:
+        return Path(f"/proc/{pid}/task").stat().st_nlink - 2
+    except OSError:
+        return 0
 
 
 def resident_bytes(pid: int) -> int:

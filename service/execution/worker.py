@@ -5,7 +5,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +16,7 @@ from service.contract.job_types import ALL_MESHES
 from service.contract.options import resolve_settings
 from service.contract.schemas import Options, Problem
 from service.execution.heartbeat import Heartbeat
+from service.execution.results_outcome import outcome_of
 from service.execution.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.jobs.metrics import Metrics
 from service.jobs.models import JobRow
@@ -106,7 +107,7 @@ class Worker:
         waited_s = (time.time() * 1000 - row.created_ms) / 1000
         log.info("job starts", type=row.type, waited_s=round(waited_s, 2))
         try:
-            with Heartbeat(lambda: self._jobs.beat(row.id, row.attempt)) as heart:
+            with Heartbeat(partial(self._jobs.beat, row.id, row.attempt)) as heart:
                 self._run_beating(row, folder, heart)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
@@ -146,7 +147,7 @@ class Worker:
         return retry_transient(act, is_wanted=lambda: heart.is_ours and not self._stopping.is_set())
 
     def _fail(self, row: JobRow, problem: Problem, heart: Heartbeat) -> None:
-        self._retry(lambda: self._jobs.fail(row.id, row.attempt, problem), heart)
+        self._retry(lambda: self._jobs.fail(row.id, row.attempt, problem, heart.newest), heart)
 
     def _compute(self, row: JobRow, folder: Path, heart: Heartbeat) -> Outcome:
         folder.mkdir(parents=True, exist_ok=True)
@@ -158,14 +159,7 @@ class Worker:
 
         def on_progress(stage: str, percent: float, message: str) -> None:
             clock.enter(stage, message)
-            with suppress(*DATABASE_UNAVAILABLE):  # the next message follows soon
-                self._jobs.beat(
-                    row.id,
-                    row.attempt,
-                    stage=stage,
-                    progress=min(max(percent, 0.0), 100.0),
-                    message=message[:500],
-                )
+            heart.note(stage, percent, message)
 
         def is_wanted() -> bool:
             return heart.is_ours and not self._stopping.is_set()
@@ -187,6 +181,8 @@ class Worker:
             "settings": resolve_settings(options).model_dump(mode="json"),
             "tolerance_mm": options.tolerance_mm,
             "scan_accuracy_mm": options.scan_accuracy_mm,
+            "acceptance": options.acceptance and options.acceptance.model_dump(mode="json"),
+            "reference": options.reference and options.reference.model_dump(mode="json"),
             "seed": options.seed,
         }
         for mesh, source in row.inputs.items():
@@ -260,7 +256,7 @@ class Worker:
             log.warning("job failed", code=outcome.problem.code, detail=outcome.problem.detail, **facts)
             if outcome.problem.status >= 500:
                 log.warning("output of the job's process", output=log_tail(folder))
-        elif not (folder / "out" / "results.json").is_file():
+        elif not _has_results(folder / "out"):
             self._fail(row, problem_of(JobCrashed("the job ended without results; report it")), heart)
             log.error("job without results", **facts)
         elif self._publish(row, folder / "out", heart):
@@ -274,8 +270,11 @@ class Worker:
         False if the job belongs to another attempt; the files of this attempt are deleted then. Files of
         other attempts are not touched: they may be the published ones.
         """
+        outcome = outcome_of(out / "results.json")
         files = self._retry(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
-        if self._retry(lambda: self._jobs.succeed(row.id, row.attempt, files), heart):
+        if self._retry(
+            lambda: self._jobs.succeed(row.id, row.attempt, files, heart.newest, **outcome), heart
+        ):
             return True
         # An earlier call may have succeeded although its answer was lost with the connection: read the row.
         now = self._retry(lambda: self._jobs.find(row.id), heart)
@@ -283,3 +282,9 @@ class Worker:
             return True
         self._blobs.remove_results(row.id, row.attempt)
         return False
+
+
+def _has_results(out: Path) -> bool:
+    """True if the job left results in a folder of its own: a link could lead to the results of others."""
+    results = out / "results.json"
+    return out.is_dir() and not out.is_symlink() and results.is_file() and not results.is_symlink()

@@ -5,11 +5,14 @@ import shutil
 import signal
 import threading
 import time
+from dataclasses import asdict
 
 import structlog
 
+from service.execution.confinement.measures import Measures
+from service.execution.job_limits import Limits
 from service.execution.periodic import PeriodicTask
-from service.execution.sandbox import Limits, Sandbox, SandboxError
+from service.execution.sandbox import Sandbox, SandboxError
 from service.execution.worker import Worker
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.liveness import DEAD_AFTER_MS, WORKER_HEARTBEAT_S
@@ -46,10 +49,13 @@ def run_worker(settings: ServiceSettings) -> int:
     if not settings.is_embedded and _is_taken(jobs, settings.worker_id):
         log.error("a live worker has this name already; set CUSP_WORKER_ID", worker_id=settings.worker_id)
         return EXIT_BROKEN
-    sandbox = Sandbox(Limits(settings.job_time_limit_s, settings.job_memory_limit_mib))
+    limits = Limits(settings.job_time_limit_s, settings.job_memory_limit_mib, settings.job_disk_limit_mib)
+    sandbox = Sandbox(limits)
     try:
         sandbox.start()
+        _check_measures(sandbox.measures, is_required=settings.sandbox == "require")
     except SandboxError as error:
+        sandbox.stop()
         log.error("cannot run jobs", reason=str(error))
         return EXIT_BROKEN
     scratch = settings.scratch_dir / settings.worker_id
@@ -89,6 +95,17 @@ def run_worker(settings: ServiceSettings) -> int:
         log.error("cannot run jobs", reason=str(worker.broken))
         return EXIT_BROKEN
     return 0
+
+
+def _check_measures(measures: Measures, *, is_required: bool) -> None:
+    """Log how jobs are confined: one warning where something is missing; an error if all is required."""
+    if not measures.missing:
+        log.info("jobs are confined", **asdict(measures))
+        return
+    missing = "; ".join(measures.missing)
+    if is_required:
+        raise SandboxError(f"CUSP_SANDBOX=require, but this machine does not confine {missing}")
+    log.warning("jobs are not fully confined, see docs/security.md", missing=missing)
 
 
 def _is_taken(jobs: JobStore, worker_id: str) -> bool:

@@ -2,11 +2,13 @@
 
     python -m service.execution.zygote FD TARGET
 
-FD is a socket (SOCK_SEQPACKET) to the worker. It receives {"start": key, "folder", "memory_limit_bytes"} with
-the write end of a pipe, and {"kill": key}. The task of the job is in the file task.json of its folder. The
-worker reads JSON lines from the pipe: "started" from here, "progress", "problem" or "done" from the child, at
-last "ended" from here. When the socket closes, because the worker ended, every child is killed and this
-process ends.
+FD is a socket (SOCK_SEQPACKET) to the worker, which no child has. It receives {"start": key, "folder",
+"memory_limit_bytes"} with the write end of a pipe for the child's progress, and {"kill": key}. It sends
+{"event": "started" | "refused" | "ended", "key", ...}; what it says of an end is what the kernel said. The
+task of the job is in the file task.json of its folder. When the socket closes, because the worker ended,
+every child is killed and this process ends.
+
+Nothing here waits for a child or for the worker: one that is stuck would stop all jobs.
 """
 
 import gc
@@ -17,17 +19,21 @@ import selectors
 import signal
 import socket
 import sys
-import threading
 import time
+from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import ModuleType
 from typing import Any
 
 from service.execution import forked, process
+from service.execution.confinement.confine import Confinement
 
 WATCH_INTERVAL_S = 0.05  # between checks of the children's memory
 MESSAGE_BYTES = 64 * 1024
+MAX_PROCESSES = 16  # of one job; a STEP is read in a second process, nothing needs a third
+MAX_THREADS = 512  # of one job; libraries start one for each core
+ORPHAN_INTERVAL_S = 0.002
 ORPHAN_TIMEOUT_S = 2.0  # a killed process ends in milliseconds, unless it waits in the kernel
 
 
@@ -37,21 +43,32 @@ class Child:
 
     key: str
     pid: int
-    report_fd: int
     memory_limit_bytes: int
-    ended_by: str | None = None  # "kill" or "memory", when this process ended it
+    ended_by: str | None = None  # "kill", "memory" or "processes", when this process ended it
+
+
+@dataclass(slots=True)
+class End:
+    """A child that ended; told to the worker when no process that it left is alive."""
+
+    event: dict[str, Any]
+    told_at: float  # the latest, on the monotonic clock
 
 
 class Zygote:
     """Forks, watches and reaps. Single-threaded, since only then a fork is safe."""
 
-    def __init__(self, control: socket.socket, target: ModuleType) -> None:
+    def __init__(self, control: socket.socket, target: ModuleType, confinement: Confinement) -> None:
         self._control = control
+        self._confinement = confinement
         self._target = target
         self._children: dict[int, Child] = {}
+        self._ends: list[End] = []
+        self._unsent: deque[bytes] = deque()
         self._wake_read, self._wake_write = os.pipe()
         for fd in (self._wake_read, self._wake_write):
             os.set_blocking(fd, False)
+        control.setblocking(False)
         signal.signal(signal.SIGCHLD, lambda *_: None)  # only so that it writes to the pipe
         signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
 
@@ -61,27 +78,40 @@ class Zygote:
             selector.register(self._control, selectors.EVENT_READ)
             selector.register(self._wake_read, selectors.EVENT_READ)
             while True:
-                for key, _ in selector.select(WATCH_INTERVAL_S if self._children else None):
-                    if key.fileobj is self._control:
-                        if not self._receive():
-                            self._kill_all()
-                            return
-                    else:
+                for key, events in selector.select(self._pause_s()):
+                    if key.fileobj is self._wake_read:
                         with suppress(BlockingIOError):
                             os.read(self._wake_read, 4096)
+                    elif events & selectors.EVENT_READ and not self._receive():
+                        self._kill_all()
+                        return
                 self._reap()
-                self._watch_memory()
+                self._tell_ends()
+                self._watch()
+                self._flush()
+                waits = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
+                selector.modify(self._control, waits)
+
+    def _pause_s(self) -> float | None:
+        if self._ends:
+            return ORPHAN_INTERVAL_S
+        return WATCH_INTERVAL_S if self._children else None
 
     def _receive(self) -> bool:
         try:
             message, fds, _, _ = socket.recv_fds(self._control, MESSAGE_BYTES, 1)
+        except BlockingIOError:
+            return True
         except ConnectionError:
             return False
         if not message:
             return False
         order = json.loads(message)
         if "start" in order:
-            self._start(order, fds[0])
+            try:
+                self._start(order, fds[0])
+            finally:
+                os.close(fds[0])  # it is the child's alone
         else:
             for child in self._children.values():
                 if child.key == order["kill"]:
@@ -89,18 +119,20 @@ class Zygote:
                     process.kill_group(child.pid)
         return True
 
-    def _start(self, order: dict[str, Any], report_fd: int) -> None:
-        pid = os.fork()
+    def _start(self, order: dict[str, Any], progress_fd: int) -> None:
+        try:
+            pid = os.fork()
+        except OSError as error:  # the limit of processes or of memory is reached; it may pass
+            self._send({"event": "refused", "key": order["start"], "reason": str(error)})
+            return
         if pid == 0:
-            forked.main(self._target, order, report_fd, close=self._inherited_fds())
-        child = Child(order["start"], pid, report_fd, order["memory_limit_bytes"])
-        self._children[pid] = child
-        _send_event(child, {"event": "started", "pid": pid})
+            forked.main(self._target, order, progress_fd, self._confinement, self._inherited_fds())
+        self._children[pid] = Child(order["start"], pid, order["memory_limit_bytes"])
+        self._send({"event": "started", "key": order["start"], "pid": pid})
 
     def _inherited_fds(self) -> list[int]:
-        """File descriptors that a child must close: the control socket and the reports of other jobs."""
-        reports = [child.report_fd for child in self._children.values()]
-        return [self._control.fileno(), self._wake_read, self._wake_write, *reports]
+        """File descriptors that a child must close."""
+        return [self._control.fileno(), self._wake_read, self._wake_write]
 
     def _reap(self) -> None:
         while True:
@@ -115,46 +147,62 @@ class Zygote:
                 process.kill_group(ended_child.si_pid)
             _, status, usage = os.wait4(ended_child.si_pid, 0)
             if child := self._children.pop(ended_child.si_pid, None):
-                self._kill_orphans()
-                ended = {"event": "ended", "status": status, "by": child.ended_by}
-                _send_event(child, {**ended, "peak_bytes": usage.ru_maxrss * 1024})
-                os.close(child.report_fd)
+                event = {"event": "ended", "key": child.key, "status": status, "by": child.ended_by}
+                event["peak_bytes"] = usage.ru_maxrss * 1024
+                self._ends.append(End(event, time.monotonic() + ORPHAN_TIMEOUT_S))
 
-    def _kill_orphans(self) -> None:
-        """Kill processes that a job left in other groups. They are our children now, since we are a
-        subreaper.
+    def _kill_orphans(self) -> bool:
+        """Kill processes that jobs left in other groups; True if there were any.
 
-        When one of them ends, we adopt its children too: repeat until none is left.
+        They are our children now, since we are a subreaper. When one of them ends, we adopt its children too.
         """
-        deadline = time.monotonic() + ORPHAN_TIMEOUT_S
-        while time.monotonic() < deadline:
-            left = [pid for pid in process.children_of(os.getpid()) if pid not in self._children]
-            if not left:
-                return
-            for pid in left:
-                process.kill_process(pid)
-            for pid in left:
-                with suppress(ChildProcessError):
-                    os.waitpid(pid, os.WNOHANG)
-            time.sleep(0.001)
+        orphans = [pid for pid in process.children_of(os.getpid()) if pid not in self._children]
+        for pid in orphans:
+            process.kill_process(pid)
+        return bool(orphans)
 
-    def _watch_memory(self) -> None:
+    def _tell_ends(self) -> None:
+        if not self._ends:
+            return
+        is_clear = not self._kill_orphans()
+        now = time.monotonic()
+        for end in [end for end in self._ends if is_clear or now > end.told_at]:
+            self._ends.remove(end)
+            self._send(end.event)
+
+    def _watch(self) -> None:
+        """End jobs whose processes together exceed a limit, and processes that hide from their job."""
+        if self._children:
+            self._kill_orphans()
         for child in self._children.values():
-            if child.ended_by is None and process.resident_bytes(child.pid) > child.memory_limit_bytes:
-                child.ended_by = "memory"
+            if child.ended_by is None and (limit := self._exceeded(child)) is not None:
+                child.ended_by = limit
                 process.kill_group(child.pid)
+
+    def _exceeded(self, child: Child) -> str | None:
+        others = process.descendants_of(child.pid, MAX_PROCESSES)
+        if len(others) >= MAX_PROCESSES or process.threads_of(child.pid) > MAX_THREADS:
+            return "processes"
+        used = sum(process.resident_bytes(pid) for pid in (child.pid, *others))
+        return "memory" if used > child.memory_limit_bytes else None
+
+    def _send(self, event: dict[str, Any]) -> None:
+        self._unsent.append(json.dumps(event).encode())
+
+    def _flush(self) -> None:
+        with suppress(BlockingIOError, ConnectionError):  # later; or the worker ended, as a read will tell
+            while self._unsent:
+                self._control.send(self._unsent[0])
+                self._unsent.popleft()
 
     def _kill_all(self) -> None:
         for child in self._children.values():
             process.kill_group(child.pid)
         self._children.clear()  # they count as orphans now
-        self._kill_orphans()
-
-
-def _send_event(child: Child, event: dict[str, Any]) -> None:
-    """Write to the report of the job. A line break first: the child may have died within a line."""
-    with suppress(BrokenPipeError):
-        os.write(child.report_fd, b"\n" + json.dumps(event).encode() + b"\n")
+        deadline = time.monotonic() + ORPHAN_TIMEOUT_S
+        while self._kill_orphans() and time.monotonic() < deadline:
+            self._reap()
+            time.sleep(ORPHAN_INTERVAL_S)
 
 
 def main(control_fd: int, target_name: str) -> None:
@@ -165,10 +213,11 @@ def main(control_fd: int, target_name: str) -> None:
     control = socket.socket(fileno=control_fd)
     target = importlib.import_module(target_name)
     target.preload()
+    confinement = Confinement.prepare()
     gc.collect()
     gc.freeze()  # keep the collector of each child from copying every page
-    control.send(json.dumps({"event": "ready", "threads": threading.active_count()}).encode())
-    Zygote(control, target).serve()
+    control.send(json.dumps({"event": "ready", "measures": asdict(confinement.measures)}).encode())
+    Zygote(control, target, confinement).serve()
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 A caller that comes second, or whose job was reassigned meanwhile, changes nothing and gets False.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from sqlalchemy import select, update
@@ -68,15 +69,36 @@ class JobTransitions(TableAccess):
         mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
         return self._update(job_id, *mine, heartbeat_ms=self._clock_ms(), **progress)
 
-    def succeed(self, job_id: str, attempt: int, files: list[dict[str, Any]]) -> bool:
-        """Publish: clients see the files of this attempt from this UPDATE on."""
+    def succeed(
+        self,
+        job_id: str,
+        attempt: int,
+        files: list[dict[str, Any]],
+        progress: Mapping[str, Any] = MappingProxyType({}),
+        *,
+        verdict: str | None = None,
+        decision: str | None = None,
+    ) -> bool:
+        """Publish: clients see the files of this attempt from this UPDATE on.
+
+        progress : the last of the job (`stage`, `progress`, `message`), which may not be written yet;
+        verdict, decision : of the results of a registration
+        """
+        values = {**progress, "progress": 100.0, "verdict": verdict, "decision": decision}
         return self._finish(
-            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, progress=100.0
+            job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, **values
         )
 
-    def fail(self, job_id: str, attempt: int, problem: Problem) -> bool:
-        """End the job with the problem that stopped it."""
-        return self._finish(job_id, attempt, Status.FAILED, error=problem.model_dump(exclude_none=True))
+    def fail(
+        self,
+        job_id: str,
+        attempt: int,
+        problem: Problem,
+        progress: Mapping[str, Any] = MappingProxyType({}),
+    ) -> bool:
+        """End the job with the problem that stopped it; progress : as for `succeed`."""
+        error = problem.model_dump(exclude_none=True)
+        return self._finish(job_id, attempt, Status.FAILED, error=error, **progress)
 
     def release(self, job_id: str, attempt: int) -> bool:
         """End an attempt that is not to blame (its worker stops); the job waits for another attempt."""
@@ -144,6 +166,8 @@ class JobTransitions(TableAccess):
             is_done = done.scalar_one_or_none() is not None
             if is_done and counted_as is not None:
                 count(session, "cusp_jobs_ended", counted_as)
+            if is_done and values.get("decision") is not None:
+                count(session, "cusp_decisions", values["decision"])
             if is_done and "status" in values and values["status"].is_final:
                 announce(session, job_id, self._clock_ms())
             return is_done

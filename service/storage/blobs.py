@@ -7,10 +7,12 @@ temporary name while it is hashed; then it is renamed to the hash of its content
 import hashlib
 import mimetypes
 import os
+import re
 import uuid
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from obstore import ObjectMeta  # exists for type checkers only
 
 CHUNK_BYTES = 1024 * 1024
+FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,99}")  # of a result file
+MAX_FILES = 200  # of one job; the largest has some 40
 MEDIA_TYPES = {
     ".ply": "application/x-ply",
     ".csv": "text/csv",
@@ -161,9 +165,8 @@ class BlobStore:
         Returns name, size, sha256 and media_type of each, `results.json` first, then by name.
         """
         entries: list[dict[str, str | int]] = []
-        for path in sorted(folder.iterdir(), key=lambda path: (path.name != "results.json", path.name)):
-            if not path.is_file() or path.is_symlink():
-                continue
+        paths = [path for path in islice(folder.iterdir(), MAX_FILES) if _is_publishable(path)]
+        for path in sorted(paths, key=lambda path: (path.name != "results.json", path.name)):
             obstore.put(self._store, _file_key(job_id, attempt, path.name), path)
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -214,6 +217,11 @@ class BlobStore:
         """Ids of jobs with any stored file, published or not."""
         prefixes = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
         return [path.rpartition("/")[2] for path in prefixes]
+
+
+def _is_publishable(path: Path) -> bool:
+    """True for a file of this job: a link could lead to the files of others."""
+    return FILE_NAME.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
 
 
 def _ms(entry: "ObjectMeta") -> float:

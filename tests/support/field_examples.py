@@ -27,6 +27,7 @@ OTHERS: dict[str, list[Any]] = {
             "max_upload_mib": 512,
             "job_time_limit_s": 900.0,
             "job_memory_limit_mib": 4096,
+            "job_disk_limit_mib": 4096,
             "queue_limit": 20000,
             "tenant_queue_limit": 15000,
             "rate_limit_per_s": 1000,
@@ -36,6 +37,13 @@ OTHERS: dict[str, list[Any]] = {
         }
     ],
     "Version": [{"name": "cusp", "version": VERSION, "schema_version": "1"}],
+    "SandboxMeasures": [
+        {
+            "landlock": 4,
+            "system_calls_filtered": False,
+            "missing": ["system calls: they are not filtered (libseccomp.so.2 is not installed)"],
+        }
+    ],
     "Health": [{"status": "ok"}],
     "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
     "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],
@@ -59,6 +67,7 @@ OTHERS: dict[str, list[Any]] = {
             "attempts": [{"at": AT, "status": 503, "error": "no answer within 15 s", "seconds": 0.21}],
         }
     ],
+    "Input": [{"part": "bracket", "columns": "id,x,y,z"}],
     "Scale": [{"unit_factor": 25.4}],
     "Finding": [
         {"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}

@@ -12,7 +12,8 @@ from service.api.identity import Admins, Reads
 from service.api.problems import problems
 from service.contract.errors import NotReady
 from service.contract.job_types import JOB_TYPES
-from service.contract.schemas import Health, Limits, Version
+from service.contract.schemas import Health, Limits, SandboxMeasures, Version
+from service.execution.confinement.measures import available
 from service.jobs.liveness import DEAD_AFTER_MS
 from service.settings import MIB
 
@@ -54,8 +55,14 @@ def metrics(api: UseApi, _: Admins) -> Response:
 
 @router.get("/version")
 def get_version() -> Version:
-    """Get the version of the service."""
-    return Version(version=version.VERSION)
+    """Get the version of the service, and how jobs are confined on this machine."""
+    measures = available()
+    sandbox = SandboxMeasures(
+        landlock=measures.landlock,
+        system_calls_filtered=measures.system_calls,
+        missing=measures.missing,
+    )
+    return Version(version=version.VERSION, sandbox=sandbox)
 
 
 @router.get("/v1/limits", responses=problems(401, 403, 429))
@@ -65,6 +72,7 @@ def limits(api: UseApi, _: Reads) -> Limits:
         max_upload_mib=api.settings.max_upload_mib,
         job_time_limit_s=api.settings.job_time_limit_s,
         job_memory_limit_mib=api.settings.job_memory_limit_mib,
+        job_disk_limit_mib=api.settings.job_disk_limit_mib,
         queue_limit=api.settings.queue_limit,
         tenant_queue_limit=api.settings.tenant_queue_limit,
         rate_limit_per_s=api.settings.rate_limit_per_s,

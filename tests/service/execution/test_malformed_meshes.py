@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 import pipeline
 from pipeline import PipelineError, Settings, detect_format
 from service.contract.errors import TABLE
-from service.execution.sandbox import Limits, Outcome, Sandbox
+from service.execution.job_limits import Limits
+from service.execution.sandbox import Outcome, Sandbox
 from tests.support.broken_meshes import CLOUDS, cases, sources
 from tests.support.settings import TINY
 

@@ -2,15 +2,20 @@
 
 import json
 import os
+import select
 import signal
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from service.execution.sandbox import Limits, Outcome, Sandbox, SandboxError
+from service.execution.job_limits import Limits
+from service.execution.progress_pipe import MAX_LINES
+from service.execution.sandbox import READ_INTERVAL_S, Outcome, Sandbox, SandboxError
 
 MISBEHAVING = Path(__file__).parent / "misbehaving"
 Make = Callable[..., Sandbox]
@@ -22,8 +27,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     monkeypatch.setenv("PYTHONPATH", str(MISBEHAVING))
     made: list[Sandbox] = []
 
-    def make_one(target: str, time_s: float = 30.0, memory_mib: int = 300) -> Sandbox:
-        made.append(Sandbox(Limits(time_s, memory_mib), target=target))
+    def make_one(target: str, time_s: float = 30.0, memory_mib: int = 300, disk_mib: int = 4096) -> Sandbox:
+        made.append(Sandbox(Limits(time_s, memory_mib, disk_mib), target=target))
         return made[-1]
 
     yield make_one
@@ -35,7 +40,7 @@ def run(
     sandbox: Sandbox, folder: Path, *, wanted: Callable[[], bool] = lambda: True, **task: object
 ) -> Outcome:
     return sandbox.run(
-        "job", {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted
+        folder.name, {"folder": str(folder), "out": str(folder / "out"), **task}, lambda *_: None, wanted
     )
 
 
@@ -63,6 +68,7 @@ def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
         ("giant_allocation", "job_out_of_memory", "300 MiB"),
         ("fills_the_disk", "job_crashed", "OSError"),
         ("talks_nonsense", "job_crashed", "code 0"),
+        ("dies_with_a_full_pipe", "job_crashed", "SIGKILL"),
         ("refuses", "truncated_file", "scan: the file ends in the middle of a triangle"),
     ],
 )
@@ -93,6 +99,64 @@ def test_a_hang_with_the_gil_held_is_stopped_at_the_time_limit(make: Make, tmp_p
     assert outcome.problem is not None
     assert outcome.problem.code == "job_timed_out"
     assert outcome.seconds < 3.0
+
+
+def test_a_job_cannot_forge_its_end(make: Make, tmp_path: Path) -> None:
+    """What it writes is progress at best; the end is what the kernel says, and its limits hold until then."""
+    victim = subprocess.Popen(["sleep", "600"], start_new_session=True)
+    try:
+        outcome = run(make("forges_its_end", time_s=0.5), tmp_path, victim=victim.pid)
+        assert outcome.problem is not None and outcome.problem.code == "job_timed_out"
+        assert outcome.seconds >= 0.5
+        assert victim.poll() is None
+    finally:
+        victim.kill()
+        victim.wait()
+
+
+@pytest.mark.parametrize("answer", ["link", "pipe", "large", "deep", "other status", "more fields"])
+def test_an_answer_that_is_not_ours_is_none(make: Make, tmp_path: Path, answer: str) -> None:
+    sandbox = make("answers_badly")
+    for said, code in ((answer, "job_crashed"), ("good", "no_surface")):
+        folder = tmp_path / said.replace(" ", "_")
+        folder.mkdir()
+        outcome = run(sandbox, folder, answer=said)
+        assert outcome.problem is not None and outcome.problem.code == code
+
+
+def test_limits_hold_while_a_job_reports_without_an_end(make: Make, tmp_path: Path) -> None:
+    task = {"folder": str(tmp_path)}
+    heard: list[float] = []
+    outcome = make("talkative", time_s=1.0).run(
+        "job", task, lambda _, percent, __: heard.append(percent), lambda: True
+    )
+    assert outcome.problem is not None and outcome.problem.code == "job_timed_out"
+    assert outcome.seconds < 3.0
+    # The newest of each chunk, and one chunk in a while: some hundred thousand were written.
+    assert 0 < len(heard) <= MAX_LINES * (outcome.seconds / READ_INTERVAL_S + 2)
+
+
+def test_a_worker_that_does_not_listen_delays_no_other_job(make: Make, tmp_path: Path) -> None:
+    """One dies with its pipe full while its worker waits for a database: the zygote waits for neither."""
+    sandbox = make("any_of_them")
+    bad, good = tmp_path / "bad", tmp_path / "good"
+    bad.mkdir()
+    good.mkdir()
+    goes_on = threading.Event()
+
+    def wait(*_: object) -> None:
+        goes_on.wait(60)
+
+    task = {"folder": str(bad), "misbehave": "dies_with_a_full_pipe"}
+    thread = threading.Thread(target=sandbox.run, args=("bad", task, wait, lambda: True))
+    thread.start()
+    wait_until(lambda: (bad / "child.log").exists())
+    task = {"folder": str(good), "out": str(good / "out"), "misbehave": "obedient"}
+    outcome = sandbox.run("good", task, lambda *_: None, lambda: True)
+    assert outcome.kind == "done"
+    assert not goes_on.is_set() and thread.is_alive()
+    goes_on.set()
+    thread.join(60)
 
 
 def test_an_unwanted_job_is_killed_within_three_seconds(make: Make, tmp_path: Path) -> None:
@@ -191,8 +255,8 @@ def test_a_neighbour_of_a_job_that_misbehaves_runs_on(
 def test_a_killed_zygote_fails_its_jobs_and_is_replaced(make: Make, tmp_path: Path) -> None:
     sandbox = make("slow")
     sandbox.start()
-    assert sandbox._zygote is not None
-    first = sandbox._zygote.pid
+    assert sandbox._link is not None
+    first = sandbox._link.process.pid
     outcomes: list[Outcome] = []
     thread = threading.Thread(target=lambda: outcomes.append(run(sandbox, tmp_path)))
     thread.start()
@@ -203,7 +267,7 @@ def test_a_killed_zygote_fails_its_jobs_and_is_replaced(make: Make, tmp_path: Pa
     assert outcomes[0].problem.code == "job_crashed"
     (tmp_path / "go").touch()
     assert run(sandbox, tmp_path).kind == "done"
-    assert sandbox._zygote.pid != first
+    assert sandbox._link.process.pid != first
 
 
 def test_a_job_whose_listener_fails_does_not_run_on(make: Make, tmp_path: Path) -> None:
@@ -216,6 +280,36 @@ def test_a_job_whose_listener_fails_does_not_run_on(make: Make, tmp_path: Path) 
     wait_until(lambda: (tmp_path / "pids.json").exists())
     pids = json.loads((tmp_path / "pids.json").read_text())
     wait_until(lambda: not any(map(is_alive, pids)))
+
+
+def test_a_fork_that_is_refused_is_tried_again_and_costs_no_other_job(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.execution.sandbox.START_PAUSE_S", 0.01)
+    sandbox = make("cannot_fork")
+    folders = [tmp_path / name for name in ("a", "b")]
+    outcomes: list[Outcome] = []
+    threads = []
+    for folder in folders:
+        folder.mkdir()
+        threads.append(threading.Thread(target=lambda folder=folder: outcomes.append(run(sandbox, folder))))
+        threads[-1].start()
+        wait_until(lambda folder=folder: (folder / "child.log").exists())
+    for folder in folders:
+        (folder / "go").touch()
+    for thread in threads:
+        thread.join(60)
+    assert [outcome.kind for outcome in outcomes] == ["done", "done"]
+
+
+def test_a_fork_that_stays_refused_fails_its_job_with_the_reason(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_TEST_REFUSE", "always")
+    monkeypatch.setattr("service.execution.sandbox.START_RETRY_S", 0.0)
+    outcome = run(make("cannot_fork"), tmp_path)
+    assert outcome.problem is not None and outcome.problem.code == "job_crashed"
+    assert "temporarily unavailable" in outcome.problem.detail
 
 
 def test_two_jobs_run_side_by_side(make: Make, tmp_path: Path) -> None:
@@ -242,3 +336,25 @@ def test_two_jobs_run_side_by_side(make: Make, tmp_path: Path) -> None:
 def test_a_zygote_that_cannot_start_says_why(make: Make) -> None:
     with pytest.raises(SandboxError, match="libopengl0 is missing"):
         make("cannot_preload").start()
+
+
+def test_a_worker_that_waits_for_a_job_does_not_spin(
+    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[int] = []
+    select_, asked = select.select, threading.Event()
+
+    def counting(*given: Any) -> Any:
+        calls.append(1)
+        return select_(*given)
+
+    def is_wanted() -> bool:
+        if asked.is_set():
+            (tmp_path / "go").touch()
+        asked.set()
+        return True
+
+    monkeypatch.setattr("service.execution.sandbox.select.select", counting)
+    assert run(make("slow"), tmp_path, wanted=is_wanted).kind == "done"
+    # One wait ends by each of: the start, three messages, the closed pipe, the end, and every 0.2 s.
+    assert len(calls) < 40

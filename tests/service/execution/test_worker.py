@@ -1,6 +1,7 @@
 """From a ticket to a final row, with a scripted child; and what the reaper finds afterwards."""
 
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from service.contract.schemas import Status
 from service.execution.sandbox import Outcome, SandboxError
 from service.jobs.models import MAX_CRASHES, now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, LOST_AFTER_MS, Reaper
+from service.jobs.store import JobStore
 from service.storage.database import open_database
 from tests.support.service import TRIANGLE_OBJ, Service
 
@@ -27,12 +29,14 @@ def test_the_child_is_given_the_meshes_and_everything_that_was_asked(service: Se
     service.sandbox.act = act
     service.finished(
         '{"units": {"scan": "m"}, "tolerance_mm": 0.2, "scan_accuracy_mm": 0.03, "seed": 9,'
-        ' "design_part": "2", "columns": "id,x,y,z"}'
+        ' "design_part": "2", "columns": "id,x,y,z", "acceptance": {"tolerance_mm": 0.3},'
+        ' "reference": {"serial": "A-17"}}'
     )
     assert seen["design_content"] == TRIANGLE_OBJ
     assert (seen["design"]["unit"], seen["scan"]["unit"]) == ("auto", "m")
     assert (seen["design"]["filename"], seen["tolerance_mm"], seen["seed"]) == ("d.obj", 0.2, 9)
     assert seen["scan_accuracy_mm"] == 0.03
+    assert (seen["acceptance"]["tolerance_mm"], seen["reference"]["serial"]) == (0.3, "A-17")
     assert (seen["design"]["part"], seen["scan"]["columns"]) == ("2", "id,x,y,z")
     assert list(service.settings.scratch_dir.iterdir()) == []
 
@@ -40,7 +44,9 @@ def test_the_child_is_given_the_meshes_and_everything_that_was_asked(service: Se
 def test_progress_is_seen_while_the_job_runs(service: Service) -> None:
     def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
         on_progress("geodesics", 31.4159, "distances on the scan")
-        status = service.status(job_id)
+        deadline = time.monotonic() + 10
+        while (status := service.status(job_id))["stage"] is None:
+            assert time.monotonic() < deadline, "no progress was written"
         assert (status["status"], status["stage"], status["progress"]) == ("running", "geodesics", 31.4)
         assert status["message"] == "distances on the scan"
         return service.sandbox.succeed(task, on_progress, is_wanted)
@@ -49,6 +55,48 @@ def test_progress_is_seen_while_the_job_runs(service: Service) -> None:
     job_id = service.submitted()
     service.worker.run(job_id)
     assert service.status(job_id)["status"] == "successful"
+
+
+def test_a_slow_database_delays_no_job(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Progress is written by the heartbeat alone, the newest: a write may last as long as it likes."""
+    beat, released, begun = JobStore.beat, threading.Event(), threading.Event()
+
+    def slow(*given: Any, **progress: Any) -> bool:
+        begun.set()
+        assert released.wait(60)
+        return beat(*given, **progress)
+
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
+        for percent in range(100):
+            on_progress("geodesics", float(percent), "distances")
+            assert begun.wait(10) and not released.is_set() and is_wanted()
+        return service.sandbox.succeed(task, on_progress, is_wanted)
+
+    monkeypatch.setattr(JobStore, "beat", slow)
+    service.sandbox.act = act
+    job_id = service.submitted()
+    service.worker.run(job_id)
+    assert not released.is_set()  # it is published although no write of its progress came back
+    status = service.status(job_id)
+    assert (status["status"], status["stage"], status["progress"]) == ("successful", "report", 100.0)
+    released.set()
+
+
+@pytest.mark.parametrize("where", ["out", "results.json"])
+def test_a_job_cannot_publish_what_a_link_leads_to(service: Service, where: str, tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text("results of another tenant")
+
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
+        out = Path(task["out"])
+        if where == "out":
+            out.symlink_to(tmp_path)
+        else:
+            out.mkdir()
+            (out / "results.json").symlink_to(tmp_path / "results.json")
+        return Outcome("done", None, 0.1, None)
+
+    service.sandbox.act = act
+    assert service.status(service.finished())["error"]["code"] == "job_crashed"
 
 
 def test_a_child_without_results_crashed(service: Service) -> None:

@@ -5,5 +5,9 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return False
+
+
 def run(task, on_progress) -> None:
     bytearray(1 << 45)

@@ -11,6 +11,10 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return True
+
+
 def run(task, on_progress) -> None:
     plain = subprocess.Popen(["sleep", "600"])
     daemon = subprocess.Popen(["sleep", "600"], start_new_session=True)

@@ -12,6 +12,10 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return True
+
+
 def run(task, on_progress) -> None:
     folder = Path(task["folder"])
     if os.fork() == 0:

@@ -7,5 +7,9 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return False
+
+
 def run(task, on_progress) -> None:
     raise TruncatedFile("the file ends in the middle of a triangle", mesh="scan")

@@ -8,6 +8,10 @@ def preload() -> None:
     """Nothing to import."""
 
 
+def needs_processes(task) -> bool:
+    return False
+
+
 def run(task, on_progress) -> None:
     on_progress("load", 1.0, "reading")
     on_progress("clean", 10.0, "cleaning")
