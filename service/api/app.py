@@ -45,7 +45,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
             )
             yield
 
-    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)
+    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, docs_url=None, redoc_url=None)
     # routers
     app.include_router(jobs.router)
     app.include_router(blobs.router)
