@@ -9,17 +9,28 @@ Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first c
 
 from pipeline.api import find_landmarks, find_segments, preload, register, study
 from pipeline.core import errors
+from pipeline.core.acceptance import Acceptance
 from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.point_columns import PointColumns
 from pipeline.core.progress import OnProgress, Progress, Stage
-from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
+from pipeline.core.reference import Reference
+from pipeline.core.results import (
+    Decision,
+    LandmarksResult,
+    RegistrationResult,
+    SegmentsResult,
+    StudyResult,
+    VerdictStatus,
+)
 from pipeline.core.settings import Detector, Settings, StudyKind, StudySettings, Unit
 
 __all__ = [
     "HEAD_BYTES",
+    "Acceptance",
+    "Decision",
     "Detector",
     "Format",
     "LandmarksResult",
@@ -28,6 +39,7 @@ __all__ = [
     "PipelineError",
     "PointColumns",
     "Progress",
+    "Reference",
     "RegistrationResult",
     "SegmentsResult",
     "Settings",
@@ -36,6 +48,7 @@ __all__ = [
     "StudyResult",
     "StudySettings",
     "Unit",
+    "VerdictStatus",
     "code_fingerprint",
     "detect_format",
     "errors",

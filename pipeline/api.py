@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.core.acceptance import Acceptance
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, ignore
+from pipeline.core.reference import Reference
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.settings import Detector, Settings, StudyKind
 
@@ -17,6 +19,8 @@ def register(
     settings: Settings | None = None,
     tolerance_mm: float | None = None,
     scan_accuracy_mm: float | None = None,
+    acceptance: Acceptance | None = None,
+    reference: Reference | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     design_cache: Path | str | None = None,
@@ -34,6 +38,9 @@ def register(
     scan_accuracy_mm : > 0, accuracy of the scanner (one sigma), as its maker states it: how far a scan of a
         right part may lie off the design; None takes `registration.scan_accuracy_mm`, and without that only
         what the scan itself shows
+    acceptance : what the part must satisfy: limits of its deviation, of regions and points; without any,
+        `inspection.decision` is `not_judged`
+    reference : identity of the part, carried through to the results
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
     design_cache : file where the analysis of the design is kept for its next scan; made when it is not there,
@@ -46,7 +53,8 @@ def register(
         When there can be no result: the file is unreadable or has no usable surface. "No pose found" is a
         result: `verdict.status == "no_match"`, `transform is None`.
     ValueError
-        When `tolerance_mm` or `scan_accuracy_mm` is not above 0.
+        When `tolerance_mm` or `scan_accuracy_mm` is not above 0, or `acceptance` asks for a share of the area
+        within limits that neither it nor `tolerance_mm` gives.
     """
     for name, length_mm in (("tolerance_mm", tolerance_mm), ("scan_accuracy_mm", scan_accuracy_mm)):
         if length_mm is not None and not 0 < length_mm < float("inf"):
@@ -56,7 +64,7 @@ def register(
     return run_registration(
         MeshFile.of(design),
         MeshFile.of(scan),
-        JobParameters.of(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm),
+        JobParameters.of(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm, acceptance, reference),
         out=None if out is None else Path(out),
         design_cache=None if design_cache is None else Path(design_cache),
         on_progress=on_progress,

@@ -7,6 +7,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
 from pipeline.core.settings import Settings
+from pipeline.core.stations import Stations
 from pipeline.core.timing import StageTimer
 from pipeline.stages.clean import Cleaned, clean
 from pipeline.stages.load import Loaded, load
@@ -30,6 +31,12 @@ class InputMesh:
         return self.cleaned.mesh
 
     @property
+    def stations(self) -> Stations | None:
+        """Where the scanner stood, of the vertices of `mesh`; None where the file does not say."""
+        stations = self.loaded.stations
+        return None if stations is None else stations.chosen(self.cleaned.old_of_new)
+
+    @property
     def left_out_share(self) -> float:
         """Share of the area (of a cloud: of the points) in stray pieces that were left out."""
         kept = 1.0
@@ -48,6 +55,8 @@ class InputMesh:
             format=self.loaded.format.value,
             unit=self.loaded.unit,
             mm_per_unit=self.loaded.mm_per_unit,
+            part=self.loaded.part,
+            columns=self.loaded.columns,
             cleaning=self.cleaned.report,
         )
 

@@ -11,6 +11,7 @@ from pipeline.core.mesh import IndexArray, IntArray, Mesh
 from pipeline.core.progress import Stage
 from pipeline.core.results import Note
 from pipeline.core.settings import Settings
+from pipeline.core.stations import Stations
 from pipeline.core.timing import StageTimer
 from pipeline.kernels.nearest import nearest
 from pipeline.search.types import DescribedMesh
@@ -64,7 +65,8 @@ class Analysis:
     """One analysed mesh.
 
     mesh : the cleaned mesh, which `vertex` in results indexes; landmark_vertices : (k,) its vertex nearest to
-    each landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live
+    each landmark; resampled.mesh : the working mesh, on which segmentation and landmarks live; stations :
+    where the scanner of `mesh` stood, None where its file does not say
     """
 
     mesh: Mesh
@@ -73,6 +75,7 @@ class Analysis:
     landmarks: LandmarkSet
     landmark_vertices: IndexArray
     warnings: tuple[Note, ...]
+    stations: Stations | None = None
 
     def segment_of_faces(self) -> IntArray:
         """(m,) segment of each face of `mesh`: that of its first vertex."""
@@ -108,9 +111,16 @@ def segment_mesh(
 
 
 def analyse_mesh(
-    mesh: Mesh, name: str, scales: Scales, settings: Settings, timer: StageTimer, seed: int
+    mesh: Mesh,
+    name: str,
+    scales: Scales,
+    settings: Settings,
+    timer: StageTimer,
+    seed: int,
+    *,
+    stations: Stations | None = None,
 ) -> Analysis:
-    """Stages resample to landmarks (steps 1 to 4 of the method) of a cleaned mesh."""
+    """Stages resample to landmarks (steps 1 to 4 of the method) of a cleaned mesh. stations : of it"""
     segments = segment_mesh(mesh, name, scales, settings, timer, seed, fine=True)
     working, distances, segmentation = segments.resampled.mesh, segments.distances, segments.segmentation
     with timer.stage(Stage.FEATURES, name):
@@ -120,7 +130,9 @@ def analyse_mesh(
             working, distances.surface, segmentation, features_of_mesh, settings.landmarks, seed
         )
     _, vertices = nearest(mesh.vertices, landmark_set.position_mm)
-    return Analysis(mesh, segments.resampled, segmentation, landmark_set, vertices, distances.warnings)
+    return Analysis(
+        mesh, segments.resampled, segmentation, landmark_set, vertices, distances.warnings, stations
+    )
 
 
 def describe_mesh(analysis: Analysis, scales: Scales, settings: Settings) -> DescribedMesh:

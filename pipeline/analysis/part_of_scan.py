@@ -71,7 +71,10 @@ def _without_off_design(whole: PartOfScan, design: DesignModel, job: JobParamete
 def _registered(input_scan: InputMesh, design: DesignModel, job: JobParameters) -> PartOfScan | None:
     """None where too little is left to be analysed."""
     try:
-        scan = analyse_mesh(input_scan.mesh, "scan", design.scales, job.settings, silent(), job.seed)
+        scan = analyse_mesh(
+            *(input_scan.mesh, "scan", design.scales, job.settings, silent(), job.seed),
+            stations=input_scan.stations,
+        )
         return PartOfScan(input_scan, register_scan(match_scan(scan, design, job), design, job))
     except PipelineError:
         return None

@@ -71,5 +71,6 @@ def register_scan(matched: MatchedScan, design: DesignModel, job: JobParameters)
         job.settings.registration,
         job.seed,
         job.max_sigma_mm(design.diagonal_mm),
+        matched.scan.stations,
     )
     return RegisteredScan(matched.scan, matched.described, registration)

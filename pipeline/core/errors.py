@@ -133,3 +133,17 @@ class TooFewLandmarks(PipelineError):
         "the surface has too little relief for a landmark study: "
         "lower landmarks.min_relief, or send another part"
     )
+
+
+class UnknownRegion(PipelineError):
+    stage = Stage.INSPECTION
+    code = "unknown_region"
+    default_remedy = (
+        "use a number of a segment or triangle that the design has, in options.acceptance.regions"
+    )
+
+
+class PointOffSurface(PipelineError):
+    stage = Stage.INSPECTION
+    code = "point_off_surface"
+    default_remedy = "give its position in the frame and unit (mm) of the design, or a larger radius_mm"

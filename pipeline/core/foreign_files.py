@@ -84,6 +84,18 @@ _TEXTS: tuple[tuple[re.Pattern[bytes], Foreign], ...] = (
         re.compile(rb"(?:#[^\n]*\n)*\s*#? ?\.PCD|(?:#[^\n]*\n)*VERSION \.?[\d.]+\s*\n\s*FIELDS "),
         Foreign("a PCD point cloud", "convert it to PLY"),
     ),
+    (
+        re.compile(rb"(?i)ncols\s+\d+\s+nrows\s+\d+\s+[xy]ll(?:corner|center)\s"),
+        Foreign("an ESRI grid of heights", "write its points as x y z, one a line"),
+    ),
+    (
+        re.compile(rb"DSAA\s+\d+\s+\d+\s"),
+        Foreign("a Surfer grid of heights", "write its points as x y z, one a line"),
+    ),
+    (
+        re.compile(rb"P(?:\s+\d*\.?\d+){4}\s+\d+\s+\d+\s*[\r\n]"),
+        Foreign("a surface of the MNI tools, which is another OBJ", "convert it to PLY"),
+    ),
     (re.compile(rb"0\r?\n\s*SECTION\b"), Foreign("a DXF drawing")),
     (re.compile(rb"\*\*PART1;|\*\*ABCDEF"), Foreign("a Parasolid model")),
     (

@@ -214,7 +214,7 @@ def _is_point_text(text: bytes, suffix: str, *, whole: bool) -> bool:
         lines = lines[:-1]  # the last line of a partial head may be cut
     rows = [line for line in lines if line and not line.startswith(_COMMENTS)]
     if not rows:
-        return not whole and len(lines) > 0 and suffix in _POINT_SUFFIXES
+        return not whole and suffix in _POINT_SUFFIXES and (len(lines) > 0 or _is_cut_row(text))
     head = next((at for at, line in enumerate(rows[:_HEAD_LINES]) if is_number_row(line)), len(rows))
     headings = [at for at, line in enumerate(rows[: min(head, _HEAD_LINES)]) if names_axes(line)]
     commented = any(line.startswith(_COMMENTS) and names_axes(line) for line in lines[:_HEAD_LINES])
@@ -229,6 +229,12 @@ def _is_point_text(text: bytes, suffix: str, *, whole: bool) -> bool:
         return True  # the reader says which line is wrong
     counts = [line.isdigit() for line in rows[head:]]
     return any(points) and all(point or count for point, count in zip(points, counts, strict=True))
+
+
+def _is_cut_row(text: bytes) -> bool:
+    """Whether a row that is longer than the head has numbers only so far: a point with hundreds of values."""
+    numbers, words = numbers_in(text)
+    return numbers >= max(3, words - 1)  # the last word may be cut
 
 
 def _is_binary_stl(head: bytes, size: int, suffix: str, mesh: str | None) -> bool:

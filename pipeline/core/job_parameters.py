@@ -2,27 +2,44 @@
 
 from dataclasses import dataclass
 
+from pipeline.core.acceptance import Acceptance
+from pipeline.core.reference import Reference
 from pipeline.core.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
 class JobParameters:
-    """settings; seed : of every random draw; tolerance_mm : of the part, None where the job states none"""
+    """settings; seed : of every random draw; tolerance_mm : of the part, None where the job states none;
+    acceptance : what the part must satisfy, None where nothing is stated; reference : of the part, carried
+    through
+    """
 
     settings: Settings
     seed: int
     tolerance_mm: float | None
+    acceptance: Acceptance | None = None
+    reference: Reference | None = None
 
     @classmethod
     def of(
-        cls, settings: Settings, seed: int, tolerance_mm: float | None, scan_accuracy_mm: float | None
+        cls,
+        settings: Settings,
+        seed: int,
+        tolerance_mm: float | None,
+        scan_accuracy_mm: float | None,
+        acceptance: Acceptance | None = None,
+        reference: Reference | None = None,
     ) -> "JobParameters":
-        """scan_accuracy_mm : of the scanner (1 sigma); it replaces that of the settings, None leaves it"""
+        """scan_accuracy_mm : of the scanner (1 sigma); it replaces that of the settings, None leaves it;
+        acceptance : without limits for the whole part it has those of the tolerance
+        """
         if scan_accuracy_mm is not None:
             changed = {"scan_accuracy_mm": scan_accuracy_mm}
             registration = settings.registration.model_copy(update=changed)
             settings = settings.model_copy(update={"registration": registration})
-        return cls(settings, seed, tolerance_mm)
+        if acceptance is not None:
+            acceptance = acceptance.with_tolerance(tolerance_mm)
+        return cls(settings, seed, tolerance_mm, acceptance, reference)
 
     def max_sigma_mm(self, design_diagonal_mm: float) -> float:
         """How uncertain (1 sigma) a motion may be: the tolerance, or a share of the design's diagonal."""

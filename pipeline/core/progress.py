@@ -6,8 +6,8 @@ from enum import StrEnum
 
 
 class Stage(StrEnum):
-    """Names of the stages, used for files in `stages/`, sections of `Settings`, keys of `timings_s` and the
-    stage in a job's status.
+    """Names of the stages: of files in `stages/` and sections of `Settings` (those of the method), keys of
+    `timings_s`, the stage in a job's status.
     """
 
     LOAD = "load"
@@ -20,6 +20,7 @@ class Stage(StrEnum):
     MATCHING = "matching"
     REGISTRATION = "registration"
     DEVIATION = "deviation"
+    INSPECTION = "inspection"
     STUDY = "study"
     REPORT = "report"
 

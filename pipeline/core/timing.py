@@ -18,7 +18,8 @@ REGISTRATION: dict[Stage, float] = {
     Stage.LANDMARKS: 1.5,
     Stage.MATCHING: 13,
     Stage.REGISTRATION: 18,
-    Stage.DEVIATION: 4,
+    Stage.DEVIATION: 3,
+    Stage.INSPECTION: 1,
     Stage.REPORT: 6,
 }
 SEGMENTS: dict[Stage, float] = {

@@ -1,7 +1,7 @@
 """Isotropic remeshing: the same surface in nearly equilateral triangles of one size (`native/remesher.hpp`).
 
 Botsch & Kobbelt, "A remeshing approach to multiresolution modeling" (2004). pymeshlab has the same method
-(`remesh.isotropic`): it makes the mesh of the features and simulated scans, and takes three to four times as
+(`remesh.isotropic`): it makes simulated scans, as another triangulation, and takes three to four times as
 long.
 """
 

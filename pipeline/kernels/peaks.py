@@ -10,8 +10,9 @@ from pipeline.kernels import topology
 
 #: Smallest radius of the fit, in mean edge lengths. Chosen by hand, not fitted.
 MIN_REACH_EDGES = 2.0
-#: Fewest points of a fit, which has six coefficients. Chosen by hand, not fitted.
-_MIN_POINTS = 8
+#: Fewest points of a fit with six coefficients, and of one with four, which takes the quadric to be round: on
+#: the top of a pin there are no more. Chosen by hand, not fitted.
+_MIN_POINTS, _MIN_POINTS_ROUND = 8, 5
 #: Smallest cosine between the normals of a point and the vertex; excludes the other side of a thin wall.
 #: Chosen by hand, not fitted.
 _MIN_COSINE = 0.2
@@ -25,6 +26,11 @@ _MIN_STEP = 1e-12
 _TIE_DECIMALS = 9
 #: Smallest length, avoids a division by 0.
 _TINY = 1e-300
+#: The six coefficients of `_quadric` from those that are fitted: all, or x^2 and y^2 alike and no xy.
+_FULL = np.eye(6)
+_ROUND = np.array(
+    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [0, 0, 0, 0], [0, 0, 0, 1]], dtype=np.float64
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +66,18 @@ def located(mesh: Mesh, field: FloatArray, vertices: IndexArray, reach_mm: float
     )
     for k, (vertex, neighbours) in enumerate(zip(vertices, near, strict=True)):
         members = np.array(neighbours)[normals[neighbours] @ normals[vertex] > _MIN_COSINE]
-        if len(members) < _MIN_POINTS:
+        if len(members) < _MIN_POINTS_ROUND:
             continue
         offset = mesh.vertices[members] - mesh.vertices[vertex]
         t1, t2 = _tangents(normals[vertex], offset)
         x, y, z = offset @ t1 / reach_mm, offset @ t2 / reach_mm, offset @ normals[vertex]
         weight = np.exp(-((x**2 + y**2) + (z / reach_mm) ** 2))
-        basis = _quadric(x, y)
+        terms = _FULL if len(members) >= _MIN_POINTS else _ROUND
+        basis = _quadric(x, y) @ terms
         fitted = np.linalg.lstsq(
             basis * weight[:, None], np.column_stack([field[members], z]) * weight[:, None]
         )[0]
-        f, height = fitted.T
+        f, height = (terms @ fitted).T
         hessian = np.array([[2 * f[3], f[4]], [f[4], 2 * f[5]]])
         eigenvalues = np.linalg.eigvalsh(hessian)
         sharpness[k] = -eigenvalues[1] / reach_mm**2

@@ -81,9 +81,9 @@ def crease_deg(mesh: Mesh) -> float:
 
 
 def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_angle_deg: float | None = None) -> Mesh:
-    """Remesh the surface with edges of about `edge_mm` by pymeshlab: for the mesh of the features, and for
-    simulated scans, as another triangulation than that of the working mesh (`kernels.isotropic`). Creases
-    sharper than `crease_angle_deg` are kept, by default those that the roughness does not make.
+    """Remesh the surface with edges of about `edge_mm` by pymeshlab: for simulated scans, as another
+    triangulation than that of the working mesh (`kernels.isotropic`). Creases sharper than `crease_angle_deg`
+    are kept, by default those that the roughness does not make.
     """
     centre_mm = _centre_mm(mesh)
     meshes = _meshset(mesh, centre_mm)

@@ -15,6 +15,7 @@ import open3d as o3d
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.kernels import topology
+from pipeline.kernels.chords import Chords
 from pipeline.kernels.native import core
 
 
@@ -32,6 +33,16 @@ class Closest:
     weights: FloatArray
     distance: FloatArray
     normal: FloatArray
+
+    def of(self, chosen: IndexArray) -> "Closest":
+        """Of the queries `chosen` (j,) only."""
+        return Closest(
+            self.point[chosen],
+            self.face[chosen],
+            self.weights[chosen],
+            self.distance[chosen],
+            self.normal[chosen],
+        )
 
 
 #: Queries from which starting threads pays off; affects run time only.
@@ -71,6 +82,11 @@ class Surface:
         return topology.edges(self.mesh.faces)
 
     @cached_property
+    def chords(self) -> Chords:
+        """What the triangles of the mesh leave out between their corners."""
+        return Chords.of(self.mesh, self.edges)
+
+    @cached_property
     def vertex_normals(self) -> FloatArray:
         """(n, 3) angle-weighted sums of the normals of the adjacent triangles; not normalised."""
         return self._normals_at(np.arange(len(self.mesh.faces)))
@@ -108,6 +124,13 @@ class Surface:
         scene, centre = self._scene
         rays = o3d.core.Tensor(np.concatenate([starts - centre, directions], axis=1).astype(np.float32))
         hit = scene.test_occlusions(rays, nthreads=threads_for(len(starts)))
+        return np.asarray(hit.numpy(), dtype=np.bool_)
+
+    def intersects_segments(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """(k,) whether the segment from `starts` (k, 3) mm to `ends` (k, 3) mm meets the surface."""
+        scene, centre = self._scene
+        rays = o3d.core.Tensor(np.concatenate([starts - centre, ends - starts], axis=1).astype(np.float32))
+        hit = scene.test_occlusions(rays, tfar=1.0, nthreads=threads_for(len(starts)))
         return np.asarray(hit.numpy(), dtype=np.bool_)
 
     def on_open_border(self, closest: Closest) -> BoolArray:

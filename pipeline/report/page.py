@@ -27,6 +27,7 @@ from pipeline.core.results import (
     Verdict,
 )
 from pipeline.report import tables
+from pipeline.report.inspection_tables import decision_box, inspection_tables, reference_table
 from pipeline.report.numbers import fixed, millimetres, percent, signed
 from pipeline.report.render import MARGIN, View, four_views, picture
 from pipeline.report.sections import Drawing, Pictures, Section
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 #: Width and height of a rendered view.
 PICTURE_PX = (520, 380)
 MEANING = {
-    "ok": "The alignment is valid and unique. The figures below describe the quality of the print.",
+    "ok": "The alignment is valid and unique. The figures below describe the part.",
     "uncertain": "A pose was found and it is the best by a clear lead, but the evidence is not enough to "
     "vouch for it. The findings say what would settle it.",
     "ambiguous": "Several poses fit the scan equally well, and the data do not show which is correct. "
@@ -105,7 +106,9 @@ def _width_mm(view: View, frame: FloatArray) -> float:
 def registration(result: RegistrationResult, views: PageViews, out: Path) -> str:
     """The page of a registration; the drawings are read from `out`."""
     deviation, has_pose = result.deviation, result.transform is not None
-    sections: list[Section] = [] if views.placed is None else [views.placed]
+    sections: list[Section] = [*reference_table(result.reference)]
+    sections += [] if views.placed is None else [views.placed]
+    sections += inspection_tables(result.inspection)
     if deviation is not None:
         sections += _drawing(out, "Histogram of the deviation", "deviation_histogram.svg")
         sections += [tables.both_ways(deviation, result.deviation_of_design, result.metrics)]
@@ -127,6 +130,7 @@ def registration(result: RegistrationResult, views: PageViews, out: Path) -> str
         if has_pose
         else f"{views.sizes} {counted}.",
         verdict=result.verdict,
+        decision=decision_box(result.inspection),
         tiles=_key_figures(result, deviation),
     )
 
@@ -220,6 +224,7 @@ def _render(
     made_by: MadeBy,
     subtitle: str,
     verdict: Verdict | None = None,
+    decision: dict[str, object] | None = None,
     paragraph: str = "",
     tiles: Sequence[tuple[str, str]] = (),
 ) -> str:
@@ -229,6 +234,7 @@ def _render(
         title=title,
         subtitle=subtitle,
         verdict=None if verdict is None else _verdict(verdict),
+        decision=decision,
         paragraph=paragraph,
         tiles=tiles,
         warnings=warnings,

@@ -14,6 +14,7 @@ from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.surface import Surface
+from pipeline.kernels.visibility import MAX_HIDDEN_OF_RIGHT, LinesOfSight, ViewModel
 from pipeline.search.scan_model import ScanModel, ScanPoints
 from pipeline.search.schedule import REGISTRATION
 from pipeline.search.score_ratio import required_ratio, score_ratio
@@ -23,12 +24,14 @@ from pipeline.search.types import Matching, Pose
 @dataclass(frozen=True, slots=True)
 class SearchResult:
     """best : the final pose; alternatives : other distinct poses, by score; source : what the best started
-    from, `landmarks`, `dense` or `axes`
+    from, `landmarks`, `dense` or `axes`; ignored_stations : whether the file says where the scanner
+    stood, and every pose contradicts it, so that it was not used
     """
 
     best: Pose
     alternatives: tuple[Pose, ...]
     source: str
+    ignored_stations: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +60,13 @@ def search_pose(
     seeds = choose_seeds(matching, scan.coarse_samples, design, refiner.inlier_mm)
     seeds = seeds if thorough else seeds[: REGISTRATION.quick_seeds]
     tried = refiner.trials(seeds)
-    poses = score_poses([refiner.assess(pose) for pose, _ in tried], refiner.inlier_mm)
+    poses = score_poses(refiner.assess_trials([pose for pose, _ in tried]), refiner.inlier_mm)
     if thorough and not refiner.early_reject(tried[0][0]):
         poses = refiner.finish(poses)
     order = _by_score(poses)
     # Two that were refined on all points may have converged to one.
     best, *alternatives = refiner.distinct([poses[number] for number in order])
-    return SearchResult(best, tuple(alternatives), tried[order[0]][1].source)
+    return SearchResult(best, tuple(alternatives), tried[order[0]][1].source, refiner.ignored_stations)
 
 
 def choose_seeds(
@@ -111,6 +114,8 @@ class _Refiner:
         self._scan, self._design, self._settings = scan, design, settings
         self._diagonal_mm = design.mesh.diagonal_mm
         self.inlier_mm = settings.inlier_distance_mm(self._diagonal_mm)
+        self._sight = scan.lines_of_sight
+        self.ignored_stations = False
 
     def trials(self, seeds: list[Seed]) -> list[tuple[Pose, Seed]]:
         """A short ICP on few points from each seed; the distinct poses, lowest cost first."""
@@ -166,10 +171,18 @@ class _Refiner:
         )
         return next(close, None)
 
+    def assess_trials(self, poses: list[Pose]) -> list[Pose]:
+        """`assess` of each, without the stations of the scanner where every pose contradicts them."""
+        assessed = [self.assess(pose) for pose in poses]
+        if self._sight is None or min(pose.occlusion_ratio for pose in assessed) <= MAX_HIDDEN_OF_RIGHT:
+            return assessed
+        self._sight, self.ignored_stations = None, True
+        return [replace(pose, occlusion_ratio=0.0) for pose in assessed]
+
     def assess(self, pose: Pose) -> Pose:
         """The pose with its cost on all points, its occlusion ratio and its coverage."""
         T, sign = pose.T_design_scan, pose.normal_sign
-        views = self._scan.views(sign)
+        views: LinesOfSight | ViewModel | None = self._sight or self._scan.views(sign)
         cost = self._scan.fine_samples.evaluate(T, self._design, self.inlier_mm)
         return replace(
             pose,

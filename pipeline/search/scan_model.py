@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.mesh import FloatArray, IndexArray, Mesh
 from pipeline.core.settings import RegistrationSettings
+from pipeline.core.stations import Stations
 from pipeline.kernels import rigid, sampling
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.kernels.visibility import ViewModel
+from pipeline.kernels.visibility import LinesOfSight, ViewModel
 from pipeline.search.schedule import REGISTRATION
 from pipeline.search.types import MIRROR, PoseCost, mirror_mesh
 
@@ -19,19 +20,20 @@ from pipeline.search.types import MIRROR, PoseCost, mirror_mesh
 @dataclass(frozen=True, slots=True)
 class ScanPoints:
     """points : (k, 3) mm, each for the same share of the scan; normals : (k, 3), None for a point cloud;
-    weights : (k,), sum 1
+    weights : (k,), sum 1; vertices : (k,) of the cloud that the points are, None for a surface
     """
 
     points: FloatArray
     normals: FloatArray | None
     weights: FloatArray
+    vertices: IndexArray | None = None
 
     @classmethod
     def of(cls, scan: Mesh, count: int, seed: int) -> "ScanPoints":
         """`count` points of the surface, or so many of a cloud's points at random."""
         if scan.is_cloud:
             chosen = np.sort(np.random.default_rng(seed).permutation(len(scan.vertices))[:count])
-            return cls(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)))
+            return cls(scan.vertices[chosen], None, np.full(len(chosen), 1.0 / len(chosen)), chosen)
         samples = sampling.on_surface(scan, count, seed)
         return cls(samples.points, samples.normals, np.full(count, 1.0 / count))
 
@@ -49,27 +51,54 @@ class ScanModel:
     """
 
     def __init__(
-        self, mesh: Mesh, surface: Surface | None, settings: RegistrationSettings, seed: int
+        self,
+        mesh: Mesh,
+        surface: Surface | None,
+        settings: RegistrationSettings,
+        seed: int,
+        stations: Stations | None = None,
     ) -> None:
-        self.mesh, self.surface = mesh, surface
+        self.mesh, self.surface, self._stations = mesh, surface, stations
         self.fine_samples = ScanPoints.of(mesh, settings.sample_points, seed)
         self.coarse_samples = ScanPoints.of(mesh, REGISTRATION.coarse_samples, seed)
         self._seed = seed
         self._to_surface: FloatArray = np.ones(3)
 
     @classmethod
-    def of(cls, mesh: Mesh, settings: RegistrationSettings, seed: int) -> "ScanModel":
-        """The model of a scan."""
-        return cls(mesh, None if mesh.is_cloud else Surface(mesh), settings, seed)
+    def of(
+        cls, mesh: Mesh, settings: RegistrationSettings, seed: int, stations: Stations | None = None
+    ) -> "ScanModel":
+        """The model of a scan. stations : where its scanner stood, where that is known"""
+        return cls(mesh, None if mesh.is_cloud else Surface(mesh), settings, seed, stations)
 
     @classmethod
     def mirrored(
-        cls, mesh: Mesh, surface: Surface | None, settings: RegistrationSettings, seed: int
+        cls,
+        mesh: Mesh,
+        surface: Surface | None,
+        settings: RegistrationSettings,
+        seed: int,
+        stations: Stations | None = None,
     ) -> "ScanModel":
-        """The model of a scan's mirror image (`mirror_mesh`). mesh, surface : of the scan itself"""
-        model = cls(mirror_mesh(mesh), surface, settings, seed)
+        """The model of a scan's mirror image (`mirror_mesh`). mesh, surface, stations : of the scan itself"""
+        if stations is not None:
+            stations = Stations(stations.positions_mm * MIRROR, stations.of_vertex)
+        model = cls(mirror_mesh(mesh), surface, settings, seed, stations)
         model._to_surface = MIRROR
         return model
+
+    @property
+    def lines_of_sight(self) -> LinesOfSight | None:
+        """Of some points of a cloud, whose file says where the scanner stood; else None."""
+        samples = self.coarse_samples
+        if self._stations is None or samples.vertices is None:
+            return None
+        station = self._stations.of_vertex[samples.vertices]
+        known = np.flatnonzero(station >= 0)
+        some = known[:: max(1, len(known) // REGISTRATION.occlusion_samples)]
+        if not some.size:
+            return None
+        return LinesOfSight(samples.points[some], self._stations.positions_mm[station[some]])
 
     def views(self, normal_sign: float) -> ViewModel | None:
         """The directions it may have been seen from; None for a cloud, which has no outer side."""

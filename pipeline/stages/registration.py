@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.core.settings import RegistrationSettings
+from pipeline.core.stations import Stations
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.observability import Observability, observe
 from pipeline.kernels.similarity import estimate_scale, residual_deformation_mm
@@ -58,7 +59,7 @@ class Registration:
     what the best started from; matching : landmark matches under the best; rmse_* : as in
     `core.results.Metrics`;
     observability : of the scan points that lie on the design; scan : the cleaned scan; scan_surface : its
-    surface in its own frame, None for a point cloud
+    surface in its own frame, None for a point cloud; ignored_stations : as in `SearchResult`
     """
 
     scan: Mesh
@@ -74,6 +75,7 @@ class Registration:
     design_coverage: float
     observability: Observability
     scan_surface: Surface | None
+    ignored_stations: bool = False
 
 
 def register(
@@ -84,14 +86,15 @@ def register(
     settings: RegistrationSettings,
     seed: int,
     max_sigma_mm: float,
+    stations: Stations | None = None,
 ) -> Registration:
     """The best pose by `search.pose_search`, its alternatives, and its quality.
 
     match_under : the landmark matches under a pose T_design_scan; max_sigma_mm : a motion that is less
-    certain (1 sigma) is unconstrained
+    certain (1 sigma) is unconstrained; stations : where the scanner stood, where that is known
     """
     inlier_mm = settings.inlier_distance_mm(design.mesh.diagonal_mm)
-    model, weights = ScanModel.of(scan, settings, seed), scan.weights()
+    model, weights = ScanModel.of(scan, settings, seed, stations), scan.weights()
     search = search_pose(model, design, matching, settings)
     few = ScanPoints.of(scan, REGISTRATION.complete_samples, seed)
     T_complete = _icp_of_complete_shape(few, design, settings)
@@ -112,6 +115,7 @@ def register(
         design_coverage=search.best.coverage,
         observability=assess_observability(fit, weights, design, inlier_mm, max_sigma_mm),
         scan_surface=model.surface,
+        ignored_stations=search.ignored_stations,
     )
 
 

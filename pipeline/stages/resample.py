@@ -96,8 +96,7 @@ def resample(
     longer = _allowed_edge_mm(surface, edge_mm, settings) / edge_mm
     fine = None
     if fine_edge_mm is not None:
-        # Features want every crease: with fewer, 3 % fewer landmarks are found again. And they want the
-        # vertices where pymeshlab puts them: the robust T^2 of two CAD parts of twenty tips over otherwise.
+        # Features want every crease: with fewer, 3 % fewer landmarks are found again.
         fine = _remeshed(surface, area, name, longer * fine_edge_mm, settings, noisy, for_features=True)
         if len(surface.faces) > DECIMATE_ABOVE * _faces(area, longer * edge_mm):
             surface = fine  # near enough for the coarser one, and remeshed in half the time
@@ -128,7 +127,7 @@ def _remeshed(
     for_features: bool = False,
 ) -> Mesh:
     """noisy : the surface was; where what is left of the noise still makes creases, none is kept;
-    for_features : keep every crease, and use pymeshlab
+    for_features : keep every crease
     """
     wanted = _faces(area_mm2, edge_mm)
     if len(surface.faces) > DECIMATE_ABOVE * wanted:
@@ -136,27 +135,14 @@ def _remeshed(
     passes = settings.iterations
     if remesh.edge_mm(surface, NEARLY_ALL) <= SHORT_EDGES * edge_mm:
         passes = min(passes, FEW_PASSES)
-    if for_features:
-        remeshed = _for_features(surface, edge_mm, passes, name, remesh.CREASE_DEG)
-    else:
-        remeshed = isotropic.remeshed(surface, edge_mm, passes)
+    crease_deg = remesh.CREASE_DEG if for_features else None
+    remeshed = isotropic.remeshed(surface, edge_mm, passes, crease_deg=crease_deg)
     too_fine = (1 - EDGE_TOLERANCE) * edge_mm
     if noisy and len(remeshed.faces) and remesh.edge_mm(remeshed, 0.5) < too_fine:
-        without = remesh.NO_CREASE_DEG
-        if for_features:
-            remeshed = _for_features(surface, edge_mm, passes, name, without)
-        else:
-            remeshed = isotropic.remeshed(surface, edge_mm, passes, crease_deg=without)
+        remeshed = isotropic.remeshed(surface, edge_mm, passes, crease_deg=remesh.NO_CREASE_DEG)
     if len(remeshed.faces) == 0:
         raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm produced no triangles", mesh=name)
     return clean(remeshed, name, CleanSettings()).mesh
-
-
-def _for_features(surface: Mesh, edge_mm: float, passes: int, name: str, crease_deg: float) -> Mesh:
-    try:
-        return remesh.isotropic(surface, edge_mm, passes, crease_angle_deg=crease_deg)
-    except remesh.PyMeshLabException as error:
-        raise ResampleFailed(f"remeshing to edges of {edge_mm:.3g} mm failed", mesh=name) from error
 
 
 def _faces(area_mm2: float, edge_mm: float) -> float:

@@ -87,7 +87,10 @@ def check_other_units(
     for factor in sorted(likely, key=lambda each: abs(np.log(ratio * each))):
         scaled = Mesh(scan.mesh.vertices * factor, scan.mesh.faces)
         try:
-            analysis = analyse_mesh(scaled, "scan", design.scales, job.settings, silent(), job.seed)
+            analysis = analyse_mesh(
+                *(scaled, "scan", design.scales, job.settings, silent(), job.seed),
+                stations=None if scan.stations is None else scan.stations.scaled(factor),
+            )
         except PipelineError:  # a hypothetical scan that cannot be analysed is no error of the job
             continue
         registered = register_scan(match_scan(analysis, design, job), design, job)
@@ -112,7 +115,9 @@ def check_mirror_image(
     settings, registration, scan = job.settings, registered.registration, registered.scan
     described = registered.described.mirrored()
     matching = match_to_design(described, design, job)
-    model = ScanModel.mirrored(scan.mesh, registration.scan_surface, settings.registration, job.seed)
+    model = ScanModel.mirrored(
+        scan.mesh, registration.scan_surface, settings.registration, job.seed, scan.stations
+    )
     search = search_pose(model, design.surface, matching, settings.registration, thorough=False)
     inlier_mm, best = registration.inlier_distance_mm, search.best
     by_samples_mm = float(np.sqrt(best.cost_mm2))

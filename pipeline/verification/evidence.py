@@ -74,6 +74,7 @@ class Case:
             scan.resampled.mesh,
             scan.resampled.working_of_clean,
             registration.scan_surface,
+            stations=None if registration.ignored_stations else scan.stations,
         )
         surfaces = assess_surfaces(
             placed,

@@ -8,8 +8,8 @@ from pipeline.kernels.nearest import nearest
 from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.surface_patches import Patch, adjacency_of, border_length_mm, largest_patch
+from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.off_patch import off_patch
-from pipeline.verification.placed_scan import ShownSurface
 from pipeline.verification.thresholds import DIFFERENCE
 
 #: A scan with less open border than this many square roots of its area is closed. Chosen by hand.
@@ -17,45 +17,50 @@ CLOSED_BORDER_RATIO = 0.3
 
 
 def missing_patch(
-    scan: ShownSurface,
-    working_design: Mesh,
-    design: Surface,
-    visible_mm: float,
-    inlier_mm: float,
-    min_area_mm2: float,
+    surfaces: ChordErrors, working_design: Mesh, inlier_mm: float, min_area_mm2: float
 ) -> Patch | None:
     """The largest patch of the design that the scan should show and does not, in the design's frame.
 
     Of a closed scan any patch that lies off it. An open one leaves out what the scanner did not see: there,
     what the scanner saw past (`_seen_past`); and a whole body, where the scan shows most of the others.
-    Cavities, which no scanner of surfaces sees, do not count.
+    Cavities, which no scanner of surfaces sees, do not count; nor does what lies off chords only.
     """
+    scan, design, visible_mm = surfaces.scan, surfaces.design, surfaces.visible_mm
     coarse_mm = max(visible_mm, DIFFERENCE.min_coarse_share * design.mesh.diagonal_mm)
     if scan.is_reconstructed:  # its sharp edges are cut by up to the length of an edge
         visible_mm = coarse_mm = max(coarse_mm, remesh.edge_mm(scan.surface.mesh, 0.5))
     visible = ~_in_cavity(working_design, design)
-    distance = np.where(visible, scan.closest(working_design.vertices).distance, 0.0)
+    closest = scan.closest(working_design.vertices)
+    distance = np.where(visible, closest.distance, 0.0)
     mesh = scan.surface.mesh
     border_mm = border_length_mm(mesh.vertices, scan.surface.edges)
     if border_mm <= CLOSED_BORDER_RATIO * float(np.sqrt(mesh.face_areas_mm2().sum())):
         areas_mm2, ends = working_design.vertex_areas_mm2(), topology.edges(working_design.faces).ends
-        on = (working_design.vertices, ends, areas_mm2, distance)
-        # the chords of a coarse scan lie off a curved design
-        return off_patch(*on, coarse_mm, min_area_mm2, inlier_mm)
-    patch = _seen_past(scan, working_design, design, visible_mm)
+
+        def patch_of(distances_mm: FloatArray) -> Patch | None:
+            on = (working_design.vertices, ends, areas_mm2, distances_mm)
+            return off_patch(*on, coarse_mm, min_area_mm2, inlier_mm)
+
+        if patch_of(distance) is None:
+            return None
+        face = design.closest(working_design.vertices).face
+        explained = surfaces.explain_design(working_design.vertices, face, closest)
+        return patch_of(np.where(explained, 0.0, distance))
+    patch = _seen_past(surfaces, working_design, visible_mm)
     min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())
     if patch is not None and patch.area_mm2 >= min_seen_past_mm2:
         return patch
     return _unseen_body(working_design, distance, inlier_mm, min_area_mm2)
 
 
-def _seen_past(scan: ShownSurface, working_design: Mesh, design: Surface, visible_mm: float) -> Patch | None:
+def _seen_past(surfaces: ChordErrors, working_design: Mesh, visible_mm: float) -> Patch | None:
     """The largest patch of the design where the scanner saw a surface behind it, through its material: under
     a boss that is not there. In a corner that was not scanned there is only air between surface and scan.
 
     The closest place of the scan lies in the design's material there. Below a surface that is there, and was
     not scanned, it lies on the design.
     """
+    scan, design = surfaces.scan, surfaces.design
     samples = sampling.on_surface(design.mesh, DIFFERENCE.samples, 0)
     closest = scan.closest(samples.points)
     in_front = np.einsum("kd,kd->k", samples.points - closest.point, closest.normal) > 0
@@ -67,6 +72,10 @@ def _seen_past(scan: ShownSurface, working_design: Mesh, design: Surface, visibl
         depth_mm = -design.signed_distance(point, design.closest(point))
         within &= depth_mm > DIFFERENCE.min_depth_ratio * visible_mm
     chosen = chosen[within]
+    if chosen.size == 0:
+        return None
+    points, face = samples.points[chosen], samples.face[chosen]
+    chosen = chosen[~surfaces.explain_design(points, face, closest.of(chosen))]
     if chosen.size == 0:
         return None
     _, vertex = nearest(working_design.vertices, samples.points[chosen])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.stations import Stations
 from pipeline.kernels import rigid
 from pipeline.kernels.surface import Closest, Surface
 from pipeline.stages.registration import Fit
@@ -18,7 +19,7 @@ class PlacedScan:
     """mesh : the cleaned scan, or its mirror image; fit : of its vertices; normal_sign : -1 where its normals
     look inward under that pose; working : its working mesh; working_of_clean : (n,) vertex of `working` for
     each vertex of `mesh`; surface : of the scan itself, None of a cloud; is_mirrored : whether `mesh` is the
-    image
+    image; stations : where the scanner of `mesh` stood, None where that is not known
     """
 
     mesh: Mesh
@@ -28,6 +29,7 @@ class PlacedScan:
     working_of_clean: IndexArray
     surface: Surface | None
     is_mirrored: bool = False
+    stations: Stations | None = None
 
     def shown(self) -> "ShownSurface":
         """What the scan shows, with triangles: of a cloud its working mesh."""
@@ -61,3 +63,13 @@ class ShownSurface:
             found.distance,
             self.normal_sign * found.normal @ T[:3, :3].T,
         )
+
+    def signed_distance(self, points: FloatArray) -> tuple[FloatArray, IndexArray]:
+        """(k,) mm of `points` (k, 3), in the frame of the design, to the surface, positive in front of it,
+        and (k,) its closest triangle; 0 where the closest place is an open border, beyond which nothing was
+        scanned.
+        """
+        local = rigid.transformed(rigid.inverse(self.T_design_surface), points)
+        found = self.surface.closest(local)
+        signed_mm = self.normal_sign * self.surface.signed_distance(local, found)
+        return np.where(self.surface.on_open_border(found), 0.0, signed_mm), found.face

@@ -1,35 +1,55 @@
 """Where the scan shows a surface that the design's own material would hide: the floor under a rib that is not
 there. From there to the scanner there was air, so what the design has in front of it is missing.
 
-Each place of the scan looks out along its normal. On a right part the way leads through air; here it starts
-in material, and leads through it for three visible distances at least, deeper in it than noise explains.
+Each place of the scan looks out along its normal; of a cloud, to where its scanner stood, where the file
+says so. On a right part the way leads through air; here it starts in material, and leads through it for three
+visible distances at least, deeper in it than noise explains.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from pipeline.kernels.surface import Surface
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from pipeline.core.mesh import BoolArray, FloatArray
+from pipeline.kernels import rigid
+from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface_patches import Patch, adjacency_of, largest_patch
-from pipeline.stages.registration import Fit
+from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.thresholds import DIFFERENCE
 
-#: Steps along the normal, in visible distances, from the place itself: across a narrow gap there is material
+#: Steps along the way out, in visible distances, from the place itself: across a narrow gap there is material
 #: too. Chosen by hand.
 STEPS = (0.0, 1.0, 2.0, 3.0)
 
 
-def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> Patch | None:
-    """The largest patch of the scan, in the design's frame, that lies behind material of the design; its
-    value is the depth in that material. None for a cloud, which has no normals of its own.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Looking:
+    """points, outward : (k, 3) places of the scan and unit vectors to the air before them, frame of the
+    design; near : (k, k) which of them are neighbours; areas_mm2 : (k,) of the scan that each stands for
     """
-    if scan.surface is None:
+
+    points: FloatArray
+    outward: FloatArray
+    near: csr_matrix
+    areas_mm2: FloatArray
+
+
+def seen_through_patch(scan: PlacedScan, surfaces: ChordErrors, signed_mm: FloatArray) -> Patch | None:
+    """The largest patch of the scan, in the design's frame, that lies behind material of the design; its
+    value is the depth in that material. None for a cloud whose file does not say where its scanner stood.
+
+    signed_mm : (n,) of the vertices of the scan, + outside the design
+    """
+    design, visible_mm = surfaces.design, surfaces.visible_mm
+    looking = _towards_scanner(scan) if scan.surface is None else _along_normals(scan)
+    if looking is None:
         return None
-    fit: Fit = scan.fit
-    outward = scan.normal_sign * np.einsum("kj,ij->ki", scan.mesh.vertex_normals(), fit.T_design_scan[:3, :3])
-    rows = np.arange(len(fit.moved))
+    rows = np.arange(len(looking.points))
     depth_mm = np.zeros(len(rows))
     for step in STEPS:
-        points = fit.moved[rows] + step * visible_mm * outward[rows]
+        points = looking.points[rows] + step * visible_mm * looking.outward[rows]
         closest = design.closest(points)
         depth = -design.signed_distance(points, closest)
         # beyond the open border of a design there is no inside
@@ -38,7 +58,33 @@ def seen_through_patch(scan: PlacedScan, design: Surface, visible_mm: float) -> 
         depth_mm[rows] = np.maximum(depth_mm[rows], depth[inside])
     behind = np.zeros(len(depth_mm), dtype=np.bool_)
     behind[rows] = True
-    near = adjacency_of(scan.mesh)  # its second power bridges a vertex that noise lifts
-    patch = largest_patch(fit.moved, near @ near, scan.mesh.vertex_areas_mm2(), depth_mm, behind)
+    near = looking.near @ looking.near  # its second power bridges a place that noise lifts
     min_area_mm2 = DIFFERENCE.min_through_share * float(design.mesh.face_areas_mm2().sum())
-    return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    def patch_of(chosen: BoolArray) -> Patch | None:
+        patch = largest_patch(looking.points, near, looking.areas_mm2, depth_mm, chosen)
+        return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+
+    found = patch_of(behind)
+    if found is None or scan.surface is None:  # the points of a cloud have no chords
+        return found
+    return patch_of(behind & ~surfaces.explain_scan(scan.fit.closest.face, signed_mm))
+
+
+def _along_normals(scan: PlacedScan) -> _Looking:
+    rotation = scan.fit.T_design_scan[:3, :3]
+    outward = scan.normal_sign * np.einsum("kj,ij->ki", scan.mesh.vertex_normals(), rotation)
+    return _Looking(scan.fit.moved, outward, adjacency_of(scan.mesh), scan.mesh.vertex_areas_mm2())
+
+
+def _towards_scanner(scan: PlacedScan) -> _Looking | None:
+    """The measured point nearest to each vertex of the working mesh, which says what is near it."""
+    if scan.stations is None or not scan.stations.any:
+        return None
+    known = np.flatnonzero(scan.stations.of_vertex >= 0)
+    _, chosen = nearest(scan.mesh.vertices[known], scan.working.vertices)
+    points = scan.fit.moved[known[chosen]]
+    positions = rigid.transformed(scan.fit.T_design_scan, scan.stations.positions_mm)
+    way = positions[scan.stations.of_vertex[known[chosen]]] - points
+    outward = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
+    return _Looking(points, outward, adjacency_of(scan.working), scan.working.vertex_areas_mm2())

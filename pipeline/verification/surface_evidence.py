@@ -11,6 +11,7 @@ from pipeline.kernels import rigid, topology
 from pipeline.kernels.patches import patch_means
 from pipeline.kernels.surface import Surface
 from pipeline.kernels.surface_patches import Patch, without_low_order
+from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.missing_material import missing_patch
 from pipeline.verification.off_patch import off_patch
 from pipeline.verification.placed_scan import PlacedScan
@@ -53,7 +54,7 @@ def assess_surfaces(
     closest = design.closest(placed.vertices)
     cosine = scan.normal_sign * np.einsum("kd,kd->k", placed.vertex_normals(), closest.normal)
     agrees = np.clip(cosine, 0.0, 1.0) * (closest.distance <= inlier_mm)
-    signed = _signed(fit.moved, fit.closest.point, fit.closest.normal, fit.closest.distance)
+    signed = design.signed_distance(fit.moved, fit.closest)
     weights = scan.mesh.weights()
     signed_w, weights_w = _on_working_mesh(signed, weights, scan.working_of_clean, len(placed.vertices))
     clipped = np.clip(signed_w, -inlier_mm, inlier_mm)
@@ -62,15 +63,27 @@ def assess_surfaces(
     shown = scan.shown()
     area_mm2 = float(shown.surface.mesh.face_areas_mm2().sum())
     if scan.surface is None:  # a cloud has no triangles: its working mesh stands for it
-        on = (placed.vertices, topology.edges(placed.faces).ends, area_mm2 * weights_w, signed_w)
+        at, ends, share_of_area = placed.vertices, topology.edges(placed.faces).ends, weights_w
     else:
-        on = (fit.moved, scan.surface.edges.ends, area_mm2 * weights, signed)
+        at, ends, share_of_area = fit.moved, scan.surface.edges.ends, weights
+    of_surface = (signed_w, closest.face) if scan.surface is None else (signed, fit.closest.face)
+    chord_errors = ChordErrors(design, shown, *of_surface, visible_mm)
+
+    def scan_patch(values: FloatArray) -> Patch | None:
+        """values : (n,) of the vertices of the scan"""
+        if scan.surface is None:
+            values = _on_working_mesh(values, weights, scan.working_of_clean, len(at))[0]
+        return off_patch(at, ends, area_mm2 * share_of_area, values, visible_mm, min_area_mm2, inlier_mm)
+
+    patch = scan_patch(signed)
+    if patch is not None:
+        patch = scan_patch(np.where(chord_errors.explain_scan(fit.closest.face, signed), 0.0, signed))
     return SurfaceEvidence(
         normal_agreement=float(np.average(agrees, weights=np.maximum(placed.weights(), 1e-15))),
         detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
-        scan_patch=off_patch(*on, visible_mm, min_area_mm2, inlier_mm),
-        design_patch=missing_patch(shown, working_design, design, visible_mm, inlier_mm, min_area_mm2),
-        through_patch=seen_through_patch(scan, design, visible_mm),
+        scan_patch=patch,
+        design_patch=missing_patch(chord_errors, working_design, inlier_mm, min_area_mm2),
+        through_patch=seen_through_patch(scan, chord_errors, signed),
         thickness_mm=_thickness_mm(fit.moved, weights),
     )
 
@@ -80,12 +93,6 @@ def _thickness_mm(points: FloatArray, weights: FloatArray) -> float:
     centred = points - np.average(points, axis=0, weights=weights)
     covariance = np.einsum("n,ni,nj->ij", weights, centred, centred)
     return float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance)[0])))
-
-
-def _signed(points: FloatArray, closest: FloatArray, normal: FloatArray, distance: FloatArray) -> FloatArray:
-    """(k,) distance, negative behind the plane of the closest triangle."""
-    side = np.einsum("kd,kd->k", points - closest, normal)
-    return np.where(side < 0, -distance, distance)
 
 
 def _on_working_mesh(

@@ -113,6 +113,8 @@ class DifferenceLimits:
     min_rest_seen : of the area of the other bodies is shown. Chosen by hand
     min_through_share : area of the scan behind material of such depth over that of the design. Chosen on
     seeds 1000 and 2001: a missing rib of 1.2 mm leaves 0.12 %, right parts up to 0.015 %
+    whole_triangle_ratio : of the smallest visible distance, that all corners of a triangle lie off at least
+    where it confirms a difference (`chord_errors`). Chosen by hand: corners on the surface leave less
     hidden_share : of a body that the design itself covers, from which on it is a cavity. Chosen by hand
     ray_start_share : of the diagonal, by which the rays of that test start off the surface
     """
@@ -130,6 +132,7 @@ class DifferenceLimits:
     max_unseen_share: float = 0.02
     min_rest_seen: float = 0.6
     min_through_share: float = 0.0005
+    whole_triangle_ratio: float = 0.5
     hidden_share: float = 0.9
     ray_start_share: float = 1e-4
 

@@ -20,6 +20,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
 from pipeline.core.results import DesignDeviation, RegistrationResult
 from pipeline.core.timing import StageTimer
+from pipeline.inspection.inspect import inspect, without_pose
 from pipeline.report.artifacts import write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.stages.registration import ScaleDiagnosis, diagnose_scale
@@ -81,7 +82,9 @@ def compute_registration(
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
     input_scan = input_scan.without(*without_oversize(input_scan.cleaned, design.analysis.mesh))
     input_scan = input_scan.without(*without_table(input_scan.cleaned, design.analysis.mesh, seed))
-    scan = analyse_mesh(input_scan.mesh, "scan", design.scales, settings, timer, seed)
+    scan = analyse_mesh(
+        input_scan.mesh, "scan", design.scales, settings, timer, seed, stations=input_scan.stations
+    )
     with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)
     with timer.stage(Stage.REGISTRATION):
@@ -98,9 +101,16 @@ def compute_registration(
         alternatives = listed_alternatives(
             registered.registration, checks, design.surface, rejected=not has_pose
         )
+    with timer.stage(Stage.INSPECTION):
+        if has_pose and deviations.summary is not None:
+            seen = None if of_design is None else of_design.seen
+            inspection = inspect(registered.registration, deviations, seen, design, verdict, job.acceptance)
+        else:
+            inspection = without_pose(verdict, job.acceptance)
     return RegistrationOutcome(
         *(design, input_scan, registered, quality, checks, verdict, deviations, of_design, scale),
         alternatives=alternatives,
+        inspection=inspection,
     )
 
 

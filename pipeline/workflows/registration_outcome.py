@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pipeline.analysis.design_model import DesignModel
 from pipeline.analysis.inputs import InputMesh
 from pipeline.analysis.scan_registration import RegisteredScan
-from pipeline.core.results import DesignDeviation, Verdict
+from pipeline.core.results import DesignDeviation, Inspection, Verdict
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.registration import ScaleDiagnosis
 from pipeline.verification.hypothesis_checks import HypothesisChecks
@@ -18,7 +18,8 @@ from pipeline.workflows.alternative_records import AlternativePose
 class RegistrationOutcome:
     """Everything that was computed. input_scan : the scan as read, without stray pieces; registered : the
     scan on the design, in mm; of_design : distances of the design to the scan, scale : size of the scan over
-    that of the design, both None without a pose; alternatives : the other poses that are reported
+    that of the design, both None without a pose; alternatives : the other poses that are reported;
+    inspection : of the part
     """
 
     design: DesignModel
@@ -31,6 +32,7 @@ class RegistrationOutcome:
     of_design: DesignDeviation | None
     scale: ScaleDiagnosis | None
     alternatives: tuple[AlternativePose, ...]
+    inspection: Inspection
 
     @property
     def has_pose(self) -> bool:

@@ -14,6 +14,7 @@ from pipeline.core.results import (
     Landmarks,
     Match,
     Metrics,
+    Note,
     Observability,
     RegistrationResult,
     Scale,
@@ -22,6 +23,7 @@ from pipeline.core.results import (
     Transform,
 )
 from pipeline.kernels import rigid
+from pipeline.kernels.visibility import MAX_HIDDEN_OF_RIGHT
 from pipeline.search.types import Matching
 from pipeline.stages.load import Loaded
 from pipeline.stages.registration import Registration, ScaleDiagnosis
@@ -61,6 +63,8 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         ),
         deviation=outcome.deviations.summary if has_pose else None,
         deviation_of_design=outcome.of_design,
+        inspection=outcome.inspection,
+        reference=job.reference,
         observability=observability(registration) if has_pose else None,
         scale=None if outcome.scale is None else scale(outcome.scale, checks.unit_factor),
         scan=scan_quality(outcome.quality, outcome.input_scan.left_out_share),
@@ -75,8 +79,20 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
             *landmark_warnings(design=landmarks.design, scan=landmarks.scan),
             *cached.warnings,
             *outcome.input_scan.warnings(),
+            *(_ignored_stations(registration) if has_pose else []),
         ],
     )
+
+
+def _ignored_stations(registration: Registration) -> list[Note]:
+    if not registration.ignored_stations:
+        return []
+    detail = (
+        "scan: the file says where the scanner stood, but under every pose that was found the part hides "
+        f"more than {100 * MAX_HIDDEN_OF_RIGHT:.0f} % of the points from there; it was not used. Merged "
+        "scans that are stored as one may say so"
+    )
+    return [Note(code="stations_ignored", detail=detail)]
 
 
 def transform(

@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from pipeline import PipelineError, StudySettings
+from pipeline import Acceptance, PipelineError, Reference, StudySettings
 from pipeline import errors as mesh
 from service.contract import errors
 from service.contract.errors import ServiceError, problem_of
@@ -102,6 +102,11 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
     mesh.NoSurface("the file has points but no triangles", mesh="design"),
     mesh.PartNotFound("there is no part 'lid'; the file has 2: 1 bracket, 2 cover", mesh="design"),
+    mesh.UnknownRegion("region 'rim' names segment 12, but the design has 9 (0 to 8)", mesh="design"),
+    mesh.PointOffSurface(
+        "inspection point 'P7' is 4.2 mm off the design's surface, more than its radius_mm of 1",
+        mesh="design",
+    ),
     mesh.ColumnsUnfit(
         "line 1 has no numbers in the columns that options.columns states: '1 0.5'", mesh="scan"
     ),
@@ -158,6 +163,8 @@ def _registration() -> RegistrationRequest:
             units=Units(design="mm", scan="m"),
             tolerance_mm=0.1,
             scan_accuracy_mm=0.02,
+            acceptance=Acceptance(tolerance_mm=0.1, min_within=0.95, max_deviation_mm=0.3, min_coverage=0.8),
+            reference=Reference(part_number="BR-7", serial="0042", batch="2026-11"),
             design_part="2",
             columns="id,x,y,z",
             seed=7,

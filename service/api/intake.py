@@ -160,6 +160,7 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
         inputs=submission.inputs,
         options=submission.options.model_dump(mode="json"),
         label=submission.options.label,
+        **_identity(submission.options),
         attempt=0,
         crashes=0,
         progress=0.0,
@@ -177,6 +178,13 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
             return stored
     log.info("job accepted", job_id=row.id, type=row.type, label=row.label)
     return row
+
+
+def _identity(options: Options) -> dict[str, str | None]:
+    """The columns that jobs are found by."""
+    reference = options.reference
+    names = ("serial", "batch", "part_number")
+    return {name: None if reference is None else getattr(reference, name) for name in names}
 
 
 def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]]) -> dict[str, Blob]:

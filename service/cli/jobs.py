@@ -37,6 +37,7 @@ EXITS = {
     "under_constrained": 7,
     "uncertain": 8,
 }
+FAIL = 9  #: exit code of a part that fails; the verdict comes first
 PATIENCE_S = 2.0  # short, since a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
@@ -46,6 +47,16 @@ ScanAccuracy = Annotated[
 ]
 DesignPart = Annotated[
     str | None, typer.Option(help="part of a design file with several: name, number from 1, or all")
+]
+Acceptance = Annotated[
+    Path | None,
+    typer.Option(
+        exists=True, dir_okay=False, help="JSON with what the part must satisfy: options.acceptance"
+    ),
+]
+ReferencePairs = Annotated[
+    list[str] | None,
+    typer.Option("--reference", help="KEY=VALUE, repeated: serial, batch, part_number, ... of the part"),
 ]
 Columns = Annotated[
     str | None, typer.Option(help="columns of a scan that is a text of points: id,x,y,z or 2,3,4")
@@ -59,6 +70,8 @@ def register(
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
     scan_accuracy_mm: ScanAccuracy = None,
+    acceptance: Acceptance = None,
+    reference: ReferencePairs = None,
     design_part: DesignPart = None,
     columns: Columns = None,
     unit_design: UnitOption = "auto",
@@ -70,7 +83,7 @@ def register(
     """Register SCAN to DESIGN without a server.
 
     Exit code 0: verdict ok; 1: bad input; 3 to 8: no_match, mirrored, units_suspect, ambiguous,
-    under_constrained, uncertain.
+    under_constrained, uncertain; 9: the alignment is ok, and the part fails its acceptance limits.
 
     `cusp register design.stl scan.ply --tolerance-mm 0.2 --out result`
 
@@ -84,6 +97,8 @@ def register(
         settings=settings,
         tolerance_mm=tolerance_mm,
         scan_accuracy_mm=scan_accuracy_mm,
+        acceptance=acceptance,
+        reference=reference,
         design_part=design_part,
         columns=columns,
     )
@@ -97,6 +112,8 @@ def register(
                 settings=resolve_settings(options),
                 tolerance_mm=options.tolerance_mm,
                 scan_accuracy_mm=options.scan_accuracy_mm,
+                acceptance=options.acceptance,
+                reference=options.reference,
                 seed=options.seed,
                 out=out,
                 on_progress=lambda step: bar.update(task, completed=step.percent, description=step.message),
@@ -126,6 +143,8 @@ def submit(
     preset: Preset = "default",
     tolerance_mm: Tolerance = None,
     scan_accuracy_mm: ScanAccuracy = None,
+    acceptance: Acceptance = None,
+    reference: ReferencePairs = None,
     design_part: DesignPart = None,
     columns: Columns = None,
     unit_design: UnitOption = "auto",
@@ -154,6 +173,8 @@ def submit(
         settings=settings,
         tolerance_mm=tolerance_mm,
         scan_accuracy_mm=scan_accuracy_mm,
+        acceptance=acceptance,
+        reference=reference,
         design_part=design_part,
         columns=columns,
     )
@@ -220,10 +241,14 @@ def demo(
 
 
 def _conclude(results: dict[str, Any], out: Path | None, as_json: bool) -> None:
-    """Print the results; the exit code of a registration tells its verdict."""
+    """Print the results; the exit code of a registration tells its verdict, then the decision on the part."""
     if as_json:
         typer.echo(json.dumps(results, indent=2))
     else:
         print_results(results, out, Console())
     if results["type"] == "registration":
-        raise typer.Exit(EXITS[results["verdict"]["status"]])
+        code = EXITS[results["verdict"]["status"]]
+        inspection = results.get("inspection")  # a service of an earlier version has none
+        if code == 0 and inspection is not None and inspection["decision"] == "fail":
+            code = FAIL
+        raise typer.Exit(code)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from sqlalchemy import Engine
 
+from pipeline import Reference
 from service.settings import ServiceSettings
 from service.storage.database import NoDatabase, migrate, migrating, open_database
 
@@ -33,6 +34,8 @@ def options_of(
     seed: int,
     settings: Path | None,
     tolerance_mm: float | None = None,
+    acceptance: Path | None = None,
+    reference: list[str] | None = None,
     **others: float | str | None,
 ) -> dict[str, Any]:
     """The same `options` that a request has. others : options by name, None where the user states none"""
@@ -40,11 +43,33 @@ def options_of(
     # a service of an earlier version refuses keys that it does not know
     options |= {name: value for name, value in others.items() if value is not None}
     if settings is not None:
-        try:
-            options["settings"] = json.loads(settings.read_text())
-        except ValueError as error:
-            refuse(f"{settings}: not JSON ({error})")
+        options["settings"] = _json(settings)
+    if acceptance is not None:
+        options["acceptance"] = _json(acceptance)
+    if reference:
+        options["reference"] = _reference(reference)
     return options
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        refuse(f"{path}: not JSON ({error})")
+
+
+def _reference(pairs: list[str]) -> dict[str, Any]:
+    """`serial=A-17` for the keys that the service knows, and `more` for the client's own."""
+    reference: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals:
+            refuse(f"--reference {pair}: must be KEY=VALUE, for example serial=A-17")
+        if key in Reference.model_fields and key != "more":
+            reference[key] = value
+        else:
+            reference.setdefault("more", {})[key] = value
+    return reference
 
 
 def progress_bar() -> Progress:

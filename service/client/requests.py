@@ -41,6 +41,8 @@ class JobOptions(TypedDict, total=False):
     units: Mapping[str, Unit]
     tolerance_mm: float | None
     scan_accuracy_mm: float | None
+    acceptance: Mapping[str, Any]
+    reference: Mapping[str, Any]
     design_part: str | None
     columns: str | None
     study: Mapping[str, Any]

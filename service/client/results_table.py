@@ -7,6 +7,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+DECISIONS = {"pass": "pass", "fail": "fail", "not_judged": "not judged"}
+PASSED = {True: "passed", False: "failed", None: "not judged"}
 RMSES = {
     "rmse_initial_mm": "as uploaded",
     "rmse_landmarks_mm": "by landmarks alone",
@@ -35,6 +37,7 @@ def _registration(results: dict[str, Any], console: Console) -> None:
     console.print(f"alignment: [bold]{verdict['status']}[/bold] ({_confidence(verdict)})", highlight=False)
     for finding in verdict["findings"]:
         console.print(f"  {finding['code']}: {finding['detail']}", highlight=False, markup=False)
+    _inspection(results.get("inspection"), console)
     if results["transform"] is not None:
         console.print(results["transform"]["convention"], highlight=False, markup=False)
         for row in results["transform"]["matrix"]:
@@ -44,6 +47,28 @@ def _registration(results: dict[str, Any], console: Console) -> None:
         value = results["metrics"][key]
         table.add_row(words, "-" if value is None else f"{value:.4f}")
     console.print(table)
+
+
+def _inspection(inspection: dict[str, Any] | None, console: Console) -> None:
+    """The decision on the part, and every check; earlier results have none."""
+    if inspection is None:
+        return
+    console.print(f"part: [bold]{DECISIONS[inspection['decision']]}[/bold]", highlight=False)
+    if not inspection["checks"]:
+        return
+    for reason in inspection["reasons"]:
+        console.print(f"  {reason}", highlight=False, markup=False)
+    table = Table("check", "value", "limits", "", box=None, pad_edge=False)
+    for check in inspection["checks"]:
+        limits = " to ".join(_measure(check[end], check["unit"]) for end in ("lower", "upper"))
+        table.add_row(check["name"], _measure(check["value"], check["unit"]), limits, PASSED[check["passed"]])
+    console.print(table)
+
+
+def _measure(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f} %" if unit == "1" else f"{value:+.3f} mm"
 
 
 def _confidence(verdict: dict[str, Any]) -> str:

@@ -187,6 +187,8 @@ TABLE: dict[type[Exception], Row] = {
     mesh.IndexOutOfRange: Row(422, "A face refers to a vertex that does not exist"),
     mesh.NoSurface: Row(422, "The mesh has no triangles"),
     mesh.PartNotFound: Row(422, "The design file has no such part"),
+    mesh.UnknownRegion: Row(422, "The design has no such region"),
+    mesh.PointOffSurface: Row(422, "An inspection point is not on the design"),
     mesh.ColumnsUnfit: Row(422, "The text of points has no such columns"),
     mesh.UnitUnknown: Row(422, "The unit is unknown"),
     mesh.DegenerateMesh: Row(422, "The mesh has no usable surface"),

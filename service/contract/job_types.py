@@ -20,6 +20,8 @@ ALL_MESHES = ("design", "scan", "mesh")
 OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {
     "tolerance_mm": "registration",
     "scan_accuracy_mm": "registration",
+    "acceptance": "registration",
+    "reference": "registration",
     "design_part": "registration",
     "columns": "registration",
     "study": "study",

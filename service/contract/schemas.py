@@ -2,18 +2,30 @@
 
 from datetime import datetime
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_serializer, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
 
 from pipeline import (
+    Acceptance,
+    Decision,
     LandmarksResult,
     PointColumns,
+    Reference,
     RegistrationResult,
     Stage,
     StudyResult,
     StudySettings,
     Unit,
+    VerdictStatus,
 )
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
@@ -114,6 +126,16 @@ class Options(Request):
         description="`registration` only: accuracy of the scanner, one sigma, as its maker states it: how "
         "far a scan of a right part may lie off the design",
     )
+    acceptance: Acceptance | None = Field(
+        None,
+        description="`registration` only: what the part must satisfy; `inspection` in the results says "
+        "whether it does. Without limits of its own it takes `tolerance_mm`",
+    )
+    reference: Reference | None = Field(
+        None,
+        description="`registration` only: identity of the part; carried through, and searched by "
+        "(`GET /v1/jobs?serial=`)",
+    )
     design_part: str | None = Field(
         None,
         min_length=1,
@@ -148,6 +170,15 @@ class Options(Request):
         if columns is not None:
             PointColumns.of(columns)
         return columns
+
+    @model_validator(mode="after")
+    def _acceptance_has_limits(self) -> Self:
+        if self.acceptance is not None:
+            try:
+                self.acceptance.with_tolerance(self.tolerance_mm)
+            except ValueError as error:
+                raise ValueError(f"acceptance: {error}") from error
+        return self
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:
@@ -236,6 +267,13 @@ class Job(Response):
     )
     message: str | None = Field(description="description of the stage")
     label: str | None = Field(description="as sent in `options`")
+    verdict: VerdictStatus | None = Field(
+        description="may the pose be trusted, as in the results; null until `successful`, and for other types"
+    )
+    decision: Decision | None = Field(
+        description="is the part accepted, as in the results; null until `successful`, and for other types"
+    )
+    reference: Reference | None = Field(description="identity of the part, as sent in `options`")
     inputs: JobInputs = Field(description="the meshes of the job")
     created: datetime = Field(description="when it was accepted")
     started: datetime | None = Field(description="when the latest attempt started")

@@ -45,7 +45,14 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
     match task["type"]:
         case "registration":
             design, scan = _mesh(task["design"]), _mesh(task["scan"])
-            own = {name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")}
+            own: dict[str, Any] = {
+                name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")
+            }
+            acceptance, reference = task["acceptance"], task["reference"]
+            own |= {
+                "acceptance": acceptance and pipeline.Acceptance.model_validate(acceptance),
+                "reference": reference and pipeline.Reference.model_validate(reference),
+            }
             pipeline.register(design, scan, **own, **common)
         case "landmarks":
             pipeline.find_landmarks(_mesh(task["mesh"]), **common)

@@ -16,6 +16,7 @@ from service.contract.job_types import ALL_MESHES
 from service.contract.options import resolve_settings
 from service.contract.schemas import Options, Problem
 from service.execution.heartbeat import Heartbeat
+from service.execution.results_outcome import outcome_of
 from service.execution.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.jobs.metrics import Metrics
 from service.jobs.models import JobRow
@@ -180,6 +181,8 @@ class Worker:
             "settings": resolve_settings(options).model_dump(mode="json"),
             "tolerance_mm": options.tolerance_mm,
             "scan_accuracy_mm": options.scan_accuracy_mm,
+            "acceptance": options.acceptance and options.acceptance.model_dump(mode="json"),
+            "reference": options.reference and options.reference.model_dump(mode="json"),
             "seed": options.seed,
         }
         for mesh, source in row.inputs.items():
@@ -267,8 +270,11 @@ class Worker:
         False if the job belongs to another attempt; the files of this attempt are deleted then. Files of
         other attempts are not touched: they may be the published ones.
         """
+        outcome = outcome_of(out / "results.json")
         files = self._retry(lambda: self._blobs.publish(row.id, row.attempt, out), heart)
-        if self._retry(lambda: self._jobs.succeed(row.id, row.attempt, files, heart.newest), heart):
+        if self._retry(
+            lambda: self._jobs.succeed(row.id, row.attempt, files, heart.newest, **outcome), heart
+        ):
             return True
         # An earlier call may have succeeded although its answer was lost with the connection: read the row.
         now = self._retry(lambda: self._jobs.find(row.id), heart)

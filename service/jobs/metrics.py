@@ -23,6 +23,7 @@ COUNTERS: dict[str, tuple[str, str]] = {
         "outcome",
         "jobs that ended: successful, dismissed, handed_back, or the code of the problem",
     ),
+    "cusp_decisions": ("decision", "registrations by the decision on the part: pass, fail or not_judged"),
     "cusp_stage_seconds": ("stage", "seconds that jobs spent in a stage of the method"),
     "cusp_stage_passes": ("stage", "passages through a stage, to divide the seconds by"),
     "cusp_uploads": ("format", "meshes received"),

@@ -55,6 +55,11 @@ class JobRow(Base):
         Index("jobs_by_tenant_turn", "tenant", "status", "turn"),
         Index("jobs_by_label", "label", "id"),
         Index("jobs_by_tenant", "tenant", "id"),
+        Index("jobs_by_verdict", "tenant", "verdict", "id"),
+        Index("jobs_by_decision", "tenant", "decision", "id"),
+        Index("jobs_by_serial", "tenant", "serial", "id"),
+        Index("jobs_by_batch", "tenant", "batch", "id"),
+        Index("jobs_by_part_number", "tenant", "part_number", "id"),
     )
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
@@ -77,6 +82,11 @@ class JobRow(Base):
     started_ms: Mapped[int | None] = mapped_column(BigInteger)
     finished_ms: Mapped[int | None] = mapped_column(BigInteger)
     error: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # schemas.Problem
+    verdict: Mapped[str | None] = mapped_column(String(32))  # of the published results
+    decision: Mapped[str | None] = mapped_column(String(16))  # of the same
+    serial: Mapped[str | None] = mapped_column(String(100))  # these three: of options.reference
+    batch: Mapped[str | None] = mapped_column(String(100))
+    part_number: Mapped[str | None] = mapped_column(String(100))
     files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
     published_attempt: Mapped[int | None]
     removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: hidden from clients, the id is kept

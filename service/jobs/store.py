@@ -1,6 +1,6 @@
 """Jobs in the database: stored once, found, listed and counted."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import structlog
 from sqlalchemy import func, select
@@ -93,12 +93,14 @@ class JobStore(JobTransitions, QueueEntries, WorkerRegistry, BlobRecords, Expiry
         status: Status | None = None,
         job_type: JobType | None = None,
         label: str | None = None,
+        equal: Mapping[str, str | None] | None = None,
         before_id: str | None = None,
         limit: int,
     ) -> tuple[Sequence[JobRow], str | None]:
         """Up to `limit` jobs of the tenant older than `before_id`, newest first, since ids sort by time.
 
-        Returns them and the `before_id` of the next page, if there is one. A row that cannot be read is left
+        equal : columns that must have a value, None for any; see `FOUND_BY`. Returns them and the `before_id`
+        of the next page, if there is one. A row that cannot be read is left
         out.
         """
         conditions = [JobRow.tenant == tenant, JobRow.removed_ms.is_(None)]
@@ -106,8 +108,13 @@ class JobStore(JobTransitions, QueueEntries, WorkerRegistry, BlobRecords, Expiry
             conditions.append(JobRow.status == status)
         if job_type is not None:
             conditions.append(JobRow.type == job_type)
-        if label is not None:
+        if label is not None and label.startswith("~"):
+            conditions.append(JobRow.label.contains(label[1:], autoescape=True))
+        elif label is not None:
             conditions.append(JobRow.label == label)
+        for column, value in (equal or {}).items():
+            if value is not None:
+                conditions.append(getattr(JobRow, column) == value)
         if before_id is not None:
             conditions.append(JobRow.id < before_id)
         query = select(JobRow).where(*conditions).order_by(JobRow.id.desc()).limit(limit + 1)

@@ -75,12 +75,16 @@ class JobTransitions(TableAccess):
         attempt: int,
         files: list[dict[str, Any]],
         progress: Mapping[str, Any] = MappingProxyType({}),
+        *,
+        verdict: str | None = None,
+        decision: str | None = None,
     ) -> bool:
         """Publish: clients see the files of this attempt from this UPDATE on.
 
-        progress : the last of the job (`stage`, `progress`, `message`), which may not be written yet
+        progress : the last of the job (`stage`, `progress`, `message`), which may not be written yet;
+        verdict, decision : of the results of a registration
         """
-        values = {**progress, "progress": 100.0}
+        values = {**progress, "progress": 100.0, "verdict": verdict, "decision": decision}
         return self._finish(
             job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, **values
         )
@@ -162,6 +166,8 @@ class JobTransitions(TableAccess):
             is_done = done.scalar_one_or_none() is not None
             if is_done and counted_as is not None:
                 count(session, "cusp_jobs_ended", counted_as)
+            if is_done and values.get("decision") is not None:
+                count(session, "cusp_decisions", values["decision"])
             if is_done and "status" in values and values["status"].is_final:
                 announce(session, job_id, self._clock_ms())
             return is_done

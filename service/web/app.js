@@ -31,7 +31,7 @@ async function route() {
   try {
     const before = where ? await api.json(`/v1/jobs/${where.slice(AGAIN.length)}`) : null;
     await Promise.all([start.show(before), jobs.show()]);
-    if (before) $('start-title').focus();
+    if (before && !$('start').contains(document.activeElement)) $('start-title').focus();
   } catch (error) {
     say('refused', error);
   }

@@ -206,7 +206,7 @@ function preview() {
   }[by];
 }
 
-/** The same blobs, settings, units, seed and label; only the centres are chosen anew. */
+/** The same blobs, part, columns, settings, units, seed and label; only the centres are chosen anew. */
 async function runAgain(event) {
   event.preventDefault();
   const { job, results } = now;
@@ -222,6 +222,8 @@ async function runAgain(event) {
   const units = Object.entries(inputs).map(([mesh, { unit }]) => [mesh, unit]).filter(([, unit]) => UNITS.includes(unit));
   options.units = Object.fromEntries(units);
   if (job.label) options.label = job.label;
+  if (inputs.design?.part) options.design_part = inputs.design.part;
+  if (inputs.scan?.columns) options.columns = inputs.scan.columns;
   const tolerance = results.deviation?.tolerance_mm;
   if (tolerance) options.tolerance_mm = tolerance;
   const accuracy = results.scan?.accuracy_mm;

@@ -5,6 +5,7 @@ import * as centres from './centres.js';
 import { $, element, say } from './dom.js';
 import * as files from './files.js';
 import * as part from './part.js';
+import * as reading from './reading.js';
 import { meshes, time } from './words.js';
 
 const BOTH = ['load', 'clean', 'resample', 'geodesics', 'segmentation', 'features', 'landmarks'];
@@ -17,7 +18,7 @@ const PAGES = { registration: './registration.js', landmarks: './landmarks.js', 
 
 /** signal : aborted when people go elsewhere */
 export async function open(id, signal) {
-  for (const box of ['result', 'failed', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
+  for (const box of ['result', 'failed', 'offer', 'decision', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
   delete $('result').dataset.shown;
   $('job-title').textContent = 'Job';
   $('job-made').textContent = '';
@@ -29,7 +30,10 @@ export async function open(id, signal) {
   try {
     for await (const job of api.watch(id, signal)) {
       tell(job);
-      if (job.status === 'failed') say('failed', new api.Refused(job.error, 0));
+      if (job.status === 'failed') {
+        say('failed', new api.Refused(job.error, 0));
+        reading.offer(job, [job.error]);
+      }
       if (job.status === 'dismissed') say('failed', new Error('This job was dismissed.'));
       if (job.status === 'successful') await show(job, signal);
     }
@@ -86,6 +90,7 @@ async function show(job, signal) {
   $('files').replaceChildren(...files.list(listed.files));
   const notes = [...(byHand(results) ?? []), ...results.warnings.map((each) => each.detail)];
   $('warnings').replaceChildren(...notes.map((each) => element('li', each)));
+  reading.offer(job, results.warnings);
   const sizes = new Map(listed.files.map((file) => [file.name, file.size]));
   await page.show(job, results, sizes, signal);
   if (!signal.aborted) $('result').dataset.shown = job.id;

@@ -1,15 +1,16 @@
-/** The list of jobs, by status, type and label; it stays true while something runs. */
+/** The list of jobs, by status, type, label, verdict and decision; it stays true while something runs. */
 
 import * as api from './api.js';
 import { $, element, say } from './dom.js';
-import { FINAL, meshes, time } from './words.js';
+import { DECISION, DECISION_MOOD, FINAL, MOOD, meshes, time } from './words.js';
 
 const LOOK_MS = 3000;
+const FILTERS = ['status', 'type', 'label', 'verdict', 'decision'];
 let next = null; // cursor of older ones
 let asked = 0; // of answers that cross, the last question's is shown
 let again;
 
-for (const name of ['status', 'type', 'label']) $(`filter-${name}`).addEventListener('change', () => show());
+for (const name of FILTERS) $(`filter-${name}`).addEventListener('change', () => show());
 $('more').addEventListener('click', () => list(true));
 
 export function show() {
@@ -26,7 +27,7 @@ async function list(isMore) {
   leave();
   const mine = asked;
   const words = new URLSearchParams({ limit: 20 });
-  for (const name of ['status', 'type', 'label']) if ($(`filter-${name}`).value) words.set(name, $(`filter-${name}`).value);
+  for (const name of FILTERS) if ($(`filter-${name}`).value) words.set(name, $(`filter-${name}`).value);
   if (isMore && next) words.set('cursor', next);
   try {
     const page = await api.json(`/v1/jobs?${words}`);
@@ -43,9 +44,15 @@ async function list(isMore) {
   }
 }
 
+const coloured = (words, mood) => element('span', words, { className: `status ${mood}` });
+
 function row(job) {
   const link = element('a', time(job.created), { href: `#${job.id}` });
   const status = job.status === 'running' ? `running, ${job.progress.toFixed(0)} %` : job.status;
-  const cells = [link, job.label ?? '', meshes(job.inputs), job.type, element('span', status, { className: `status ${job.status}` })];
+  const cells = [
+    link, job.label ?? '', meshes(job.inputs), job.type, coloured(status, job.status),
+    job.verdict ? coloured(job.verdict.replaceAll('_', ' '), MOOD[job.verdict] ?? 'bad') : '',
+    job.decision ? coloured(DECISION[job.decision], DECISION_MOOD[job.decision]) : '',
+  ];
   return element('tr', cells.map((content) => element('td', content)));
 }

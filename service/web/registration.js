@@ -3,11 +3,12 @@
 import * as centres from './centres.js';
 import { $, element, figure, fill } from './dom.js';
 import * as part from './part.js';
-import { MEANING, MOOD, alignment, mm, percent, short, signed, standsFor } from './words.js';
+import { DECISION, DECISION_MOOD, MEANING, MOOD, PASSED, alignment, mm, percent, short, signed, standsFor } from './words.js';
 
 const PROBABILITIES = { same_part: 'the scan is of this design', pose: 'the pose is right, if it is' };
 
 export async function show(job, results, sizes, signal) {
+  decide(results.inspection);
   judge(results.verdict);
   $('figures').replaceChildren(...figures(results));
   others(results);
@@ -16,6 +17,25 @@ export async function show(job, results, sizes, signal) {
   const shown = sizes.has('design.glb') ? part.openRegistration(job.id, results, sizes, signal) : null;
   const opened = centres.open(job, results, shown && part.panel, sizes, signal);
   await Promise.all([shown, opened]);
+}
+
+/** Is the part accepted; results of earlier versions do not say. */
+function decide(inspection) {
+  $('decision').hidden = !inspection;
+  if (!inspection) return;
+  const { decision, reasons, checks, rule } = inspection;
+  $('decision').className = DECISION_MOOD[decision];
+  $('decided').textContent = `part: ${DECISION[decision]}`;
+  $('reasons').replaceChildren(...reasons.map((each) => element('li', each)));
+  $('checks').hidden = !checks.length;
+  $('rule').textContent = rule ? `Decision rule: ${rule}.` : '';
+  const shown = (value, unit) => (value === null ? '-' : unit === '1' ? percent(value) : signed(value));
+  const error = ({ uncertainty, unit }) => (uncertainty === null ? '-' : unit === '1' ? percent(uncertainty) : mm(uncertainty));
+  const rows = checks.map((check) => [
+    check.name, shown(check.value, check.unit), error(check), shown(check.lower, check.unit), shown(check.upper, check.unit),
+    element('span', PASSED[check.passed], { className: `status ${{ true: 'good', false: 'bad', null: 'warn' }[check.passed]}` }),
+  ]);
+  fill($('check-table'), ['Check', 'Value', 'Standard error', 'Lower limit', 'Upper limit', 'Result'], rows, [1, 2, 3, 4]);
 }
 
 function judge(verdict) {

@@ -3,6 +3,7 @@
 import * as api from './api.js';
 import { $, say } from './dom.js';
 import * as earlier from './earlier.js';
+import * as reading from './reading.js';
 
 const MESHES = { registration: ['design', 'scan'], landmarks: ['mesh'] };
 const HINT = 'Drop a file here, or choose one';
@@ -35,6 +36,7 @@ dress();
 /** Offer what was sent before; `job`: choose its meshes. */
 export async function show(job = null) {
   await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
+  reading.clear();
   if (!job) return;
   $('form').elements.type.value = job.type in MESHES ? job.type : 'landmarks';
   $('form').elements.label.value = job.label ?? '';
@@ -45,6 +47,7 @@ export async function show(job = null) {
     tell(slots[name]);
   }
   dress();
+  await reading.show(job);
 }
 
 function tell({ file, said, before, box }) {
@@ -55,7 +58,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  for (const field of ['tolerance-field', 'accuracy-field']) $(field).hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field', 'reading']) $(field).hidden = !wanted.includes('scan');
   $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
 }
 
@@ -74,10 +77,12 @@ async function submit(event) {
   try {
     location.hash = (await sent(type, options(form, type))).id;
     form.reset();
+    reading.clear();
     for (const slot of Object.values(slots)) tell(slot);
     dress();
   } catch (error) {
     say('refused', error);
+    reading.refused(error);
   } finally {
     $('go').disabled = false;
     $('sending').hidden = true;
@@ -91,6 +96,7 @@ function options(form, type) {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
     ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
+    ...(type === 'registration' ? reading.options() : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
   };

@@ -12,6 +12,10 @@ export const MEANING = {
 export const MOOD = { ok: 'good', uncertain: 'warn', ambiguous: 'warn', under_constrained: 'warn', units_suspect: 'warn' };
 /** Of the alignment, not of the part: nobody is to read `ok` as "the part passed". */
 export const alignment = (status) => `alignment: ${status.replaceAll('_', ' ')}`;
+/** Of the part. */
+export const DECISION = { pass: 'pass', fail: 'fail', not_judged: 'not judged' };
+export const DECISION_MOOD = { pass: 'good', fail: 'bad', not_judged: 'warn' };
+export const PASSED = { true: 'passed', false: 'failed', null: 'not judged' };
 export const FINAL = ['successful', 'failed', 'dismissed'];
 
 // As in pipeline/report/palette.py: the "muted" scheme of Paul Tol.

@@ -16,9 +16,9 @@ MAX_README_LINES = 150
 MAX_LINE = 110
 EXPECTED = {
     "quickstart", "http-api", "results-and-verdicts", "settings", "cli", "python", "webhooks", "deployment",
-    "operations", "security", "method", "benchmarks", "limitations", "architecture", "formats",
+    "operations", "security", "method", "benchmarks", "limitations", "architecture", "formats", "inspection",
 }  # fmt: skip
-FILES = ("design.stl", "scan.stl", "scan.ply", "scan.obj", "part.stl")
+FILES = ("acceptance.json", "design.stl", "scan.stl", "scan.ply", "scan.obj", "part.stl")
 
 
 def test_the_readme_is_short() -> None:

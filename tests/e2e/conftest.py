@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 import trimesh
 from playwright.sync_api import Browser, sync_playwright
@@ -28,6 +29,21 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("meshes") / "scan.stl"
     path.write_bytes(blob_stl(23, 37, turn_deg=TURN_DEG, shift_mm=SHIFT_MM))
     return path
+
+
+@pytest.fixture(scope="session")
+def plate(design: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The design and a pin beside it, as two solids of one file."""
+    pin = trimesh.creation.cylinder(radius=2.0, height=12.0, transform=_beside(60.0))
+    solids = {"blob": trimesh.load_mesh(design), "pin": pin}
+    path = tmp_path_factory.mktemp("meshes") / "plate.stl"
+    texts = [trimesh.exchange.stl.export_stl_ascii(mesh).split("\n", 1)[1] for mesh in solids.values()]
+    path.write_text("".join(f"solid {name}\n{text}\n" for name, text in zip(solids, texts, strict=True)))
+    return path
+
+
+def _beside(x: float) -> np.ndarray:
+    return trimesh.transformations.translation_matrix([x, 0.0, 0.0])
 
 
 @pytest.fixture(scope="package")

@@ -7,7 +7,9 @@ import re
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
+import trimesh
 from playwright.sync_api import Browser, expect
 
 from service.auth.keys import KeyStore, Scope
@@ -135,6 +137,68 @@ def test_a_job_that_fails_says_why(watched: Watched, design: Path, tmp_path: Pat
     page.click("#go")
     expect(page.locator("#failed")).to_contain_text("scan: ", timeout=JOB_MS)
     expect(page.locator("#new-again")).to_be_visible()
+
+
+def test_the_part_of_a_design_is_chosen_where_the_job_says_there_are_several(
+    watched: Watched, plate: Path, scan: Path, running: RunningService
+) -> None:
+    page = watched.page
+    expect(page.locator("#design-part")).to_be_hidden()  # folded: most files need none of it
+    page.set_input_files("input[name=design]", plate)
+    page.set_input_files("input[name=scan]", scan)
+    page.click("#reading summary")
+    page.fill("#design-part", "cover")
+    page.click("#go")
+    expect(page.locator("#failed")).to_contain_text("part_not_found", timeout=JOB_MS)
+    expect(page.locator("#failed")).to_contain_text("1 blob, 2 pin")
+    page.click("#offer-link")
+    expect(page.locator("#part-hint")).to_contain_text("1 blob, 2 pin")
+    expect(page.locator(".slot[data-mesh=design] output")).to_contain_text("plate.stl")
+    expect(page.locator("#design-part")).to_be_focused()
+    page.fill("#design-part", "blob")
+    page.click("#go")
+    expect(page.locator("#failed")).to_be_hidden()
+    job = finished(page)
+    assert results(running, job)["provenance"]["inputs"]["design"]["part"] == "blob"
+    expect(page.locator("#warnings")).to_contain_text("1 blob is read (options.design_part)")
+
+    page.click("#new-again")  # a new job on these meshes is on this part too
+    expect(page.locator("#design-part")).to_have_value("blob")
+    page.check("input[value=landmarks]")
+    expect(page.locator("#reading")).to_be_hidden()  # the options of a registration
+    page.goto(f"{watched.server}/#{job}")
+    expect(page.locator(f'#result[data-shown="{job}"]')).to_be_visible()
+    with page.expect_request("**/v1/jobs") as sent:
+        page.click("#again")
+    assert sent.value.post_data_json["options"]["design_part"] == "blob"
+    page.click("#cancel")
+
+
+def test_the_columns_of_a_scan_are_stated_where_its_text_can_be_read_in_two_ways(
+    watched: Watched, design: Path, scan: Path, tmp_path: Path
+) -> None:
+    points = trimesh.load_mesh(scan).vertices
+    numbered = np.column_stack([np.arange(len(points)) * 3 + 7, np.round(points, 4)])  # ids with gaps
+    np.savetxt(tmp_path / "points.txt", numbered, fmt=["%d", "%.4f", "%.4f", "%.4f"])
+    page = watched.page
+    page.set_input_files("input[name=design]", design)
+    page.set_input_files("input[name=scan]", tmp_path / "points.txt")
+    page.click("#go")
+    expect(page.locator("#failed")).to_contain_text("options.columns", timeout=JOB_MS)
+    expect(page.locator("#offer-link")).to_have_text("State the columns of the scan")
+    page.click("#offer-link")
+    expect(page.locator("#columns-hint")).to_contain_text("options.columns")
+    page.fill("#columns", "id,x,y")
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("0 columns are named z")
+    expect(page.locator("#columns")).to_be_focused()
+    watched.complaints.clear()  # the browser's own line of the 422
+    page.fill("#columns", "id,x,y,z")
+    with page.expect_request("**/v1/jobs") as sent:
+        page.click("#go")
+    assert sent.value.post_data_json["options"]["columns"] == "id,x,y,z"
+    expect(page.locator("#offer")).to_be_hidden()
+    page.click("#cancel")
 
 
 def test_the_page_lets_nothing_else_in(running: RunningService) -> None:

@@ -21,7 +21,14 @@ def main() -> None:
         scan.write_bytes(blob_stl(26, 34, turn_deg=35.0, shift_mm=(12.0, -7.0, 3.0)))
         turned = pipeline.Settings(study=pipeline.StudySettings(rotation_deg=45.0))
         results = (
-            pipeline.register(design, scan, tolerance_mm=0.2, out=out / "registration"),
+            pipeline.register(
+                design,
+                scan,
+                tolerance_mm=0.2,
+                acceptance=pipeline.Acceptance(min_within=0.9, max_deviation_mm=0.5, min_coverage=0.9),
+                reference=pipeline.Reference(part_number="BLOB-1", serial="0042"),
+                out=out / "registration",
+            ),
             pipeline.find_landmarks(design, out=out / "landmarks"),
             pipeline.study(
                 design, settings=turned, trials=100, detectors=("t2", "iss", "random"), out=out / "study"

@@ -67,6 +67,7 @@ OTHERS: dict[str, list[Any]] = {
             "attempts": [{"at": AT, "status": 503, "error": "no answer within 15 s", "seconds": 0.21}],
         }
     ],
+    "Input": [{"part": "bracket", "columns": "id,x,y,z"}],
     "Scale": [{"unit_factor": 25.4}],
     "Finding": [
         {"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}

@@ -146,6 +146,12 @@ class Step:
         shell = self.add(f"CLOSED_SHELL('',({_refs(faces)}))")
         return self.add(f"MANIFOLD_SOLID_BREP('{name}',#{shell})")
 
+    def hollow(self, faces: list[int], cavity: list[int], name: str = "hollow") -> int:
+        """A solid with a cavity, whose faces look outwards by themselves."""
+        outer, void = (self.add(f"CLOSED_SHELL('',({_refs(each)}))") for each in (faces, cavity))
+        inward = self.add(f"ORIENTED_CLOSED_SHELL('',*,#{void},.F.)")
+        return self.add(f"BREP_WITH_VOIDS('{name}',#{outer},(#{inward}))")
+
     def surface(self, faces: list[int]) -> int:
         """The faces as an open shell."""
         shell = self.add(f"OPEN_SHELL('',({_refs(faces)}))")

@@ -14,6 +14,7 @@ from pipeline.core.results.deviation import (
     SegmentDeviation,
     Spread,
 )
+from pipeline.core.results.inspection import Check, Decision, Extreme, Inspection
 from pipeline.core.results.jobs import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.results.mesh import (
     Centre,
@@ -49,17 +50,21 @@ from pipeline.core.results.verdict import Evidence, Finding, Verdict, VerdictSta
 __all__ = [
     "Alternative",
     "Centre",
+    "Check",
+    "Decision",
     "DesignDeviation",
     "DesignSide",
     "Deviation",
     "Distances",
     "Evidence",
+    "Extreme",
     "Finding",
     "FreeMotion",
     "InformativenessProtocol",
     "InformativenessRow",
     "Input",
     "Inputs",
+    "Inspection",
     "Landmark",
     "Landmarks",
     "LandmarksOfMesh",

@@ -4,8 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from pipeline.core.reference import Reference
 from pipeline.core.results.base import Note, Record
 from pipeline.core.results.deviation import DesignDeviation, Deviation
+from pipeline.core.results.inspection import Inspection
 from pipeline.core.results.mesh import Landmarks, LandmarksOfMesh, SegmentsOfMesh, SegmentsPair
 from pipeline.core.results.pose import (
     Alternative,
@@ -53,6 +55,10 @@ class RegistrationResult(Record):
     deviation_of_design: DesignDeviation | None = Field(
         description="of the design from the scan; null without a pose, or where the scan shows none of it"
     )
+    inspection: Inspection | None = Field(
+        None, description="is the part accepted; null in results of earlier versions"
+    )
+    reference: Reference | None = Field(None, description="identity of the part, as sent in `options`")
     observability: Observability | None = Field(
         description="which motions the data constrains; null without a pose"
     )

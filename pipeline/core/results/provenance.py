@@ -14,6 +14,8 @@ class Input(Record):
     )
     unit: str = Field(description="unit that its numbers were read in")
     mm_per_unit: float = Field(description="factor applied to them")
+    part: str | None = Field(None, description="part of the file that was read, as in `options.design_part`")
+    columns: str | None = Field(None, description="columns of a text of points, as in `options.columns`")
     cleaning: dict[str, int | float] = Field(description="what was removed or repaired, by kind, with counts")
 
 

@@ -12,8 +12,8 @@ class LoadSettings(Section):
     max_points: int = Field(
         10_000_000,
         ge=1,
-        description="refuse a mesh or cloud with more vertices; the corners of triangles that share none, as "
-        "in STL, are not counted",
+        description="refuse a cloud with more points, or a mesh with more vertices that has also more than "
+        "three for each triangle: where faces share no vertices, as in STL, `max_faces` limits them",
     )
     max_archive_expansion: int = Field(
         200,
@@ -23,11 +23,15 @@ class LoadSettings(Section):
     )
 
     def allows(self, n_vertices: int, n_faces: int) -> bool:
-        """Whether a mesh or cloud is within the limits. Triangles with three vertices of their own each have
-        as many corners, of which a sixth is left when equal ones are merged.
+        """Whether a mesh or cloud is within the limits. Triangles with vertices of their own have up to three
+        each, of which a sixth is left when equal ones are merged.
         """
-        is_soup = n_vertices == 3 * n_faces
-        return n_faces <= self.max_faces and (is_soup or n_vertices <= self.max_points)
+        return n_faces <= self.max_faces and n_vertices <= max(self.max_points, 3 * n_faces)
+
+    @property
+    def max_vertices(self) -> int:
+        """Of any mesh or cloud within the limits, before its triangles are known."""
+        return max(self.max_points, 3 * self.max_faces)
 
 
 class CleanSettings(Section):

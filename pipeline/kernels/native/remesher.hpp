@@ -71,6 +71,10 @@ class Remesher {
     static constexpr double kTurnDeg = 45;
     // Creases that hang together are no line when they are shorter than so many edges. Chosen by hand.
     static constexpr double kShortLine = 1;
+    // An edge shorter than this share of the length asked for is collapsed wherever it lies: a needle between
+    // two corners has no normal, and its vertices a curvature without bounds. Chosen by hand, on meshes of
+    // CAD.
+    static constexpr double kTiny = 0.1;
     // Sweeps of collapses in a pass, at most, and the share of the edges below which no further one is made.
     // Chosen by hand: the next pass goes on.
     static constexpr int kSweeps = 4;
@@ -204,16 +208,18 @@ class Remesher {
     bool collapse(int32_t h) {
         const int32_t a = mesh_.start(h), b = mesh_.end(h);
         const Place at_a = mesh_.place[a], at_b = mesh_.place[b], freer = std::min(at_a, at_b);
-        if (freer == Place::kCorner || (freer == Place::kLine && !mesh_.is_line(h))) return false;
+        const bool is_held = freer == Place::kCorner || (freer == Place::kLine && !mesh_.is_line(h));
+        if (is_held && mesh_.length_sq(h) > kTiny * kTiny * edge_ * edge_) return false;
         // What may move less stays where it is.
         const Vec along = minus(mesh_.points[b].data(), mesh_.points[a].data());
-        Vec to = plus(mesh_.points[a], along, at_a > at_b ? 0 : at_b > at_a ? 1 : 0.5);
-        if (at_a == at_b) to = at_a == Place::kLine ? on_line(to, along) : on_surface(to, a, mesh_.normal(h));
+        Vec to = plus(mesh_.points[a], along, at_a > at_b || is_held ? 0 : at_b > at_a ? 1 : 0.5);
+        if (at_a == at_b && !is_held)
+            to = at_a == Place::kLine ? on_line(to, along) : on_surface(to, a, mesh_.normal(h));
         if (!mesh_.can_collapse(h)) return false;
         if (!stays_like_it(a, b, to) || !stays_like_it(b, a, to)) return false;
         mesh_.collapse(h);
         mesh_.points[a] = at_b > at_a ? mesh_.points[b] : to;
-        mesh_.place[a] = std::max(at_a, at_b);
+        mesh_.place[a] = is_held ? Place::kCorner : std::max(at_a, at_b);  // held: lines meet there now
         return true;
     }
 
@@ -232,7 +238,9 @@ class Remesher {
             if (then < kFlat && then < quality(mesh_.points[v], mesh_.points[c], mesh_.points[d]))
                 fits = false;
             const Vec before = mesh_.normal(h), after = cross(to_c, to_d);
-            if (!(dot(before, after) > kMinTurnCosine * std::sqrt(dot(before, before) * dot(after, after))))
+            const bool has_side = quality(mesh_.points[v], mesh_.points[c], mesh_.points[d]) >= kFlat;
+            if (has_side &&
+                !(dot(before, after) > kMinTurnCosine * std::sqrt(dot(before, before) * dot(after, after))))
                 fits = false;
         });
         return fits;

@@ -169,7 +169,7 @@ class _Builder:
         used, compact = np.unique(faces, return_inverse=True)
         faces = compact.reshape(-1, 3)
         self.n_vertices, self.n_faces = self.n_vertices + len(used), self.n_faces + len(faces)
-        if self.n_vertices > self.settings.max_points or self.n_faces > self.settings.max_faces:
+        if not self.settings.allows(self.n_vertices, self.n_faces):
             raise MeshTooLarge(
                 f"{self.n_faces} triangles and {self.n_vertices} vertices; the limits are "
                 f"{self.settings.max_faces} and {self.settings.max_points}"

@@ -169,8 +169,8 @@ class _Reader:
 
     def _count(self, vertices: int = 0, triangles: int = 0) -> None:
         self._n_vertices, self._n_triangles = self._n_vertices + vertices, self._n_triangles + triangles
-        if self._n_vertices > self._settings.max_points:
-            raise MeshTooLarge(f"the AMF has more than {self._settings.max_points} vertices")
+        if self._n_vertices > self._settings.max_vertices:
+            raise MeshTooLarge(f"the AMF has more than {self._settings.max_vertices} vertices")
         if self._n_triangles > self._settings.max_faces:
             raise MeshTooLarge(f"the AMF has more than {self._settings.max_faces} triangles")
 

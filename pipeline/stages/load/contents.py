@@ -1,6 +1,6 @@
 """What a reader returns: the bodies of a file, as they lie in it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -23,31 +23,31 @@ class FilePart:
 class Body:
     """vertices : (n, 3) float64, unit and frame of the file, transforms of the file applied; faces : (m, 3)
     int64 or int32, none of a point cloud; name : as the file calls it, or empty;
-    part : of the file that it belongs to, None where it is one itself
+    part : of the file that it belongs to, None where it is one itself; scanner : (3,) where the scanner stood
+    that measured it, in the frame of the vertices, None where the file does not say
     """
 
     vertices: FloatArray
     faces: IndexArray | IntArray
     name: str = ""
     part: FilePart | None = None
+    scanner: FloatArray | None = None
 
     @classmethod
-    def cloud(cls, points: FloatArray, name: str = "") -> "Body":
-        """Points (n, 3) without triangles."""
-        return cls(points, np.zeros((0, 3), dtype=np.int64), name)
+    def cloud(cls, points: FloatArray, name: str = "", scanner: FloatArray | None = None) -> "Body":
+        """Points (n, 3) without triangles. scanner : as above"""
+        return cls(points, np.zeros((0, 3), dtype=np.int64), name, scanner=scanner)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contents:
     """unit : that the file declares, a key of `units.DECLARED`, or None; notes : what the file has that is
-    not used, each with what, how much and what it does to the result; scanner_positions : (k, 3), unit and
-    frame of the bodies, where the file says where its scanner stood
+    not used, each with what, how much and what it does to the result
     """
 
     bodies: tuple[Body, ...]
     unit: str | None = None
     notes: tuple[Note, ...] = ()
-    scanner_positions: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 class Reader(Protocol):

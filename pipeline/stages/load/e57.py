@@ -37,7 +37,7 @@ class _Read:
 
 
 def read_e57(data: bytes, settings: LoadSettings) -> Contents:
-    """One body for each scan, its pose applied; `scanner_positions` of those that have a pose.
+    """One body for each scan, its pose applied, with the place of the scanner where the scan has a pose.
 
     Notes: `points_without_position`, `scanner_positions`, `pose_without_rotation`.
 
@@ -61,13 +61,15 @@ def read_e57(data: bytes, settings: LoadSettings) -> Contents:
             values = read_fields(pages, scan.points_at, scan.count, scan.fields, wanted, scan.label)
             read.append(_placed(scan, names, values))
     bodies = [
-        Body.cloud(each.points, scan.name) for scan, each in zip(scans, read, strict=True) if len(each.points)
+        Body.cloud(each.points, scan.name, scan.translation if scan.has_position else None)
+        for scan, each in zip(scans, read, strict=True)
+        if len(each.points)
     ]
     if not bodies:
         raise UnreadableFile(f"the E57 has no valid points, of {count} in {len(scans)} scans")
     positions = np.array([scan.translation for scan in scans if scan.has_position]).reshape(-1, 3)
     notes = [*_invalid(read, count), *_rotations(scans), *_positions(positions, len(scans))]
-    return Contents(tuple(bodies), "meter", tuple(notes), scanner_positions=positions)
+    return Contents(tuple(bodies), "meter", tuple(notes))
 
 
 def _coordinates(scan: Scan) -> tuple[str, str, str]:

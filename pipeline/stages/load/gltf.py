@@ -178,7 +178,7 @@ class _Builder:
     def _count(self, copies: int, local: Local) -> None:
         self.n_vertices += copies * len(local.vertices)
         self.n_faces += copies * len(local.faces)
-        if self.n_faces > self.settings.max_faces or self.n_vertices > self.settings.max_points:
+        if not self.settings.allows(self.n_vertices, self.n_faces):
             raise MeshTooLarge(
                 f"the {Format.GLB} shows at least {self.n_faces} triangles and {self.n_vertices} vertices; "
                 f"the limits are {self.settings.max_faces} and {self.settings.max_points}"

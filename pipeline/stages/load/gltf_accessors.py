@@ -85,7 +85,7 @@ class Accessors:
         """(n, width) in the type of the file."""
         if accessor.type != kind:
             raise UnreadableFile(f"{where} of the {Format.GLB} has type {accessor.type[:20]!r}, not {kind}")
-        limit = max(self.settings.max_points, 3 * self.settings.max_faces)
+        limit = self.settings.max_vertices
         if accessor.count > limit:
             raise MeshTooLarge(
                 f"{where} of the {Format.GLB} has {accessor.count} values; the limit is {limit}"

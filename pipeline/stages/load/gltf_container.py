@@ -108,8 +108,11 @@ def open_container(data: bytes) -> Container:
     version, length = struct.unpack_from("<II", data, len(MAGIC))
     if version != 2:
         raise _other_version(str(version))
-    if length > len(data):
+    if (
+        length >= len(data) + CHUNK_HEADER_BYTES
+    ):  # less is no chunk: padding that was counted, and not written
         raise TruncatedFile(f"the {Format.GLB} announces {length} bytes and has {len(data)}")
+    length = min(length, len(data))
     json_chunk: bytes | None = None
     binary: memoryview | None = None
     position = HEADER_BYTES

@@ -49,7 +49,7 @@ def decoded(accessors: Accessors, primitive: Primitive, where: str) -> tuple[Flo
         )
     faces = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3)
     settings = accessors.settings
-    if len(faces) > settings.max_faces or len(points) > settings.max_points:
+    if not settings.allows(len(points), len(faces)):
         raise MeshTooLarge(
             f"{where} of the {Format.GLB} has {len(faces)} triangles and {len(points)} vertices; "
             f"the limits are {settings.max_faces} and {settings.max_points}"

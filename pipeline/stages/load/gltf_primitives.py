@@ -92,10 +92,10 @@ class Primitives:
         faces = (
             0 if primitive.mode == POINTS else corners // 3 if primitive.mode == TRIANGLES else corners - 2
         )
-        if faces > settings.max_faces or vertices > settings.max_points:
+        if faces > settings.max_faces or vertices > settings.max_vertices:
             raise MeshTooLarge(
                 f"{where} of the {Format.GLB} has {faces} triangles and {vertices} vertices; the limits are "
-                f"{settings.max_faces} and {settings.max_points}"
+                f"{settings.max_faces} and {settings.max_vertices}"
             )
 
 

@@ -125,9 +125,9 @@ class _Collector:
 
     def _take_vertices(self, words: Words, lines: IndexArray) -> None:
         self.n_vertices += len(lines)
-        if self.n_vertices > self.settings.max_points:
+        if self.n_vertices > self.settings.max_vertices:
             raise MeshTooLarge(
-                f"the {Format.OBJ} has more than {self.settings.max_points} vertices, which is the limit"
+                f"the {Format.OBJ} has more than {self.settings.max_vertices} vertices, which is the limit"
             )
         self.vertices.append(numbers(words, lines, 3, Format.OBJ, skip=1))
         self.vertex_lines.append(lines + words.line_number)

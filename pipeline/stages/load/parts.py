@@ -11,12 +11,12 @@ from pipeline.stages.load.contents import Contents, FilePart, used_bodies
 MAX_PARTS, MAX_CHARACTERS = 12, 40
 
 
-def choose_part(contents: Contents, wanted: str | None) -> Contents:
+def choose_part(contents: Contents, wanted: str | None, *, is_design: bool = True) -> Contents:
     """The bodies of the parts that `wanted` names; all of them for None and `all`, with a note that lists
     them where there are several.
 
     wanted : a name, a number from 1, several numbers (`1,3`), or `all`. A name counts before a number. Where
-        the file has one part, it names one of its components
+        the file has one part, it names one of its components; is_design : options.design_part applies to it
 
     Raises
     ------
@@ -29,10 +29,9 @@ def choose_part(contents: Contents, wanted: str | None) -> Contents:
     if len(names) < 2 and len(owner) > 1:  # one item of several components
         names, owner = [body.name for body in used_bodies(contents)], list(range(len(owner)))
     if wanted is None or wanted == "all":
-        detail = (
-            f"the file has {len(names)} parts ({_listed(names)}), and all of them are read as one; "
-            "options.design_part reads one of them"
-        )
+        detail = f"the file has {len(names)} parts ({_listed(names)}), and all of them are read as one"
+        if is_design:
+            detail += "; options.design_part reads one of them"
         notes = [note for note in contents.notes if note.code != "several_parts"]
         return replace(contents, notes=(*notes, Note(code="several_parts", detail=detail)))
     chosen = _chosen(names, wanted)

@@ -50,7 +50,7 @@ def read_ptx(rows: Rows, settings: LoadSettings) -> Contents:
     while at < len(rows.text):
         name = f"scan {len(bodies) + 1}"
         lines, at = _lines(rows.text, at, len(HEAD))
-        n_columns, n_rows, transform = _head(lines, rows, row, name)
+        n_columns, n_rows, position, transform = _head(lines, rows, row, name)
         row += len(HEAD)
         n_cells += n_columns * n_rows
         follow = n_lines - row
@@ -73,7 +73,7 @@ def read_ptx(rows: Rows, settings: LoadSettings) -> Contents:
             notes.append(Note(code="ptx_transform", detail=detail))
         with np.errstate(over="ignore", invalid="ignore"):  # what is too far away is reported for the mesh
             moved = points[measured] @ transform[:3, :3] + transform[3, :3]
-        bodies.append(Body.cloud(moved, name))
+        bodies.append(Body.cloud(moved, name, _scanner(position, transform)))
     if n_cells > n_left:
         detail = (
             f"the PTX: {n_cells - n_left} of {n_cells} directions have no return (0 0 0); they are left out, "
@@ -83,8 +83,17 @@ def read_ptx(rows: Rows, settings: LoadSettings) -> Contents:
     return Contents(tuple(bodies), None, tuple(notes))
 
 
-def _head(lines: list[bytes], rows: Rows, row: int, name: str) -> tuple[int, int, FloatArray]:
-    """Columns, rows and transform (4, 4)."""
+def _scanner(position: FloatArray, transform: FloatArray) -> FloatArray | None:
+    """Where the scanner stood (3,): the origin of its points, where the head says the same of it; a rotation
+    and a position that do not belong together say nothing.
+    """
+    origin = transform[3, :3]
+    near = np.abs(position - origin).max() <= RIGID * max(1.0, float(np.abs(origin).max()))
+    return origin if near and _is_rigid(transform) else None
+
+
+def _head(lines: list[bytes], rows: Rows, row: int, name: str) -> tuple[int, int, FloatArray, FloatArray]:
+    """Columns, rows, position (3,) of the scanner and transform (4, 4)."""
     for at, (line, n) in enumerate(zip(lines, HEAD, strict=False)):
         if _numbers(line, n) is None or (n == 1 and count_of(line) is None):
             what = "one whole number" if n == 1 else f"{n} numbers"
@@ -103,7 +112,7 @@ def _head(lines: list[bytes], rows: Rows, row: int, name: str) -> tuple[int, int
             f"the transform of {name} of the PTX maps all points to a plane, a line or a point",
             remedy="export the scans again, or without transform",
         )
-    return int(lines[0]), int(lines[1]), transform
+    return int(lines[0]), int(lines[1]), np.array(_numbers(lines[2], 3)), transform
 
 
 def _is_rigid(transform: FloatArray) -> bool:

@@ -3,7 +3,7 @@ Errors name the file and the remedy.
 """
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh, frozen
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings, Unit
+from pipeline.core.stations import Stations
 from pipeline.stages.load.amf import read_amf
 from pipeline.stages.load.contents import Contents, Reader, joined, used_bodies
 from pipeline.stages.load.e57 import read_e57
@@ -62,8 +63,8 @@ MAX_COORDINATE_MM = 1e8
 class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
     bytes; notes : what of the file is not used; body_of_face : (m,) int32 body of the file that each face is
-    of, None where there is one; scanner_positions_mm : (k, 3) of the stations of the scan, frame of the file,
-    where it says so
+    of, None where there is one; stations : where the scanner stood, frame of the file, None where it does not
+    say; part, columns : of the file that was asked for, as `MeshFile` has them
     """
 
     mesh: Mesh
@@ -73,7 +74,9 @@ class Loaded:
     sha256: str
     notes: tuple[Note, ...] = ()
     body_of_face: IntArray | None = None
-    scanner_positions_mm: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    stations: Stations | None = None
+    part: str | None = None
+    columns: str | None = None
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -88,7 +91,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
     kind = detect_format(data[:HEAD_BYTES], len(data), source.filename or source.path.name, mesh=name)
     kind = format_of_archive(data, kind)
     try:
-        contents = _contents(kind, data, source, settings)
+        contents = _contents(kind, data, source, settings, is_design=name == "design")
         vertices, faces = joined(contents)
         if len(vertices) == 0:
             raise UnreadableFile(f"the {kind} has no triangles and no points")
@@ -112,7 +115,9 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         hashlib.sha256(data).hexdigest(),
         _notes(contents, source.unit),
         _body_of_face(contents),
-        contents.scanner_positions * mm_per_unit,
+        _stations(contents, mesh, mm_per_unit),
+        source.part,
+        source.columns,
     )
 
 
@@ -121,7 +126,22 @@ def _body_of_face(contents: Contents) -> IntArray | None:
     return np.repeat(np.arange(len(counts), dtype=np.int32), counts) if len(counts) > 1 else None
 
 
-def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSettings) -> Contents:
+def _stations(contents: Contents, mesh: Mesh, mm_per_unit: float) -> Stations | None:
+    bodies = used_bodies(contents)
+    known = [at for at, body in enumerate(bodies) if body.scanner is not None]
+    positions = [body.scanner * mm_per_unit for body in bodies if body.scanner is not None]
+    if not positions:
+        return None
+    station_of_body = np.full(len(bodies), -1, dtype=np.int32)
+    station_of_body[known] = np.arange(len(known), dtype=np.int32)
+    of_vertex = np.repeat(station_of_body, [len(body.vertices) for body in bodies])
+    stations = Stations.of_points(mesh.vertices, np.array(positions), of_vertex)
+    return stations if stations.any else None
+
+
+def _contents(
+    kind: Format, data: bytes, source: MeshFile, settings: LoadSettings, *, is_design: bool
+) -> Contents:
     """What is in the file, with the columns and the part that `source` states."""
     if kind is Format.XYZ:
         return read_point_text(data, settings, source.columns)
@@ -129,7 +149,9 @@ def _contents(kind: Format, data: bytes, source: MeshFile, settings: LoadSetting
         raise ColumnsUnfit(f"options.columns is for texts of points, and the file is {kind.upper()}")
     contents = READERS[kind](data, settings)
     has_faces = any(len(body.faces) for body in contents.bodies)
-    return choose_part(contents, source.part) if has_faces or source.part is not None else contents
+    if not has_faces and source.part is None:
+        return contents
+    return choose_part(contents, source.part, is_design=is_design)
 
 
 def _in_mm(vertices: FloatArray, faces: IndexArray | IntArray, mm_per_unit: float) -> Mesh:

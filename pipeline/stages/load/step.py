@@ -5,6 +5,8 @@ in single precision. Tessellation starts from the edges, which faces share: tria
 exactly, and an open edge says that a face is missing. Names of B-rep faces are not kept.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.core.errors import UnreadableFile
@@ -15,6 +17,7 @@ from pipeline.stages.load.contents import Body, Contents
 from pipeline.stages.load.extras import require
 from pipeline.stages.load.gltf import read_glb
 from pipeline.stages.load.step_process import tessellated
+from pipeline.stages.load.step_solids import split_solids
 from pipeline.stages.load.step_text import StepText, read_step_text
 from pipeline.stages.load.three_mf_left_out import listed
 from pipeline.stages.load.units import DECLARED
@@ -29,7 +32,7 @@ ROUNDING_SHARE = 2.0**-24
 
 
 def read_step(data: bytes, settings: LoadSettings) -> Contents:
-    """One body for each placed part, with its name.
+    """One body for each solid of each placed part, with its name.
 
     Notes: `several_parts`, `step_surfaces`, `step_open_solid`, `step_hidden`, `left_out_of_step`.
 
@@ -44,7 +47,7 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
     tolerance_mm = TESSELLATION_SHARE * _diagonal_mm(coarse)
     if tolerance_mm == 0:
         raise UnreadableFile("the surfaces of the STEP have no extent")
-    bodies = _bodies(tessellated(data, tolerance_mm), settings, text)
+    bodies = _solids(_bodies(tessellated(data, tolerance_mm), settings, text), text)
     _check_rounding(bodies, tolerance_mm)
     notes = [
         *_several(bodies, text),
@@ -70,6 +73,21 @@ def _bodies(glb: bytes, settings: LoadSettings, text: StepText) -> list[Body]:
     if not bodies:
         raise _nothing(text)
     return bodies
+
+
+def _solids(products: list[Body], text: StepText) -> list[Body]:
+    """Each solid by itself, where its triangles are closed. Of the only product they have their own names."""
+    if text.surfaces or text.solids < 2:
+        return products
+    split = [split_solids(product) for product in products]
+    if len(split) == 1 and len(split[0]) == text.solids:
+        names = zip(split[0], text.solid_names, strict=True)
+        return [replace(solid, name=name or solid.name) for solid, name in names]
+    return [
+        replace(solid, name=f"{solid.name} {number}".strip()) if len(solids) > 1 else solid
+        for solids in split
+        for number, solid in enumerate(solids, start=1)
+    ]
 
 
 def _nothing(text: StepText) -> UnreadableFile:
@@ -115,7 +133,8 @@ def _several(bodies: list[Body], text: StepText) -> list[Note]:
     numbered = [f"{number} {name}".strip() for number, name in enumerate(names, start=1)]
     detail = (
         f"the STEP: {len(names)} {'parts' if len(bodies) > 1 else 'solids'} ({listed(numbered)}), and all of "
-        "them are read as one part, where they are placed; for one of them, export it alone"
+        "them are read as one part, where they are placed"
+        + ("" if len(bodies) > 1 else "; their triangles are not closed: for one of them, export it alone")
     )
     return [Note(code="several_parts", detail=detail)]
 

@@ -14,7 +14,7 @@ MAX_OF_POLYGON = 1e75
 def check_size(n_vertices: int, counts: IndexArray, settings: LoadSettings) -> None:
     """Raise MeshTooLarge where polygons with `counts` corners give more triangles than allowed."""
     triangles = int(np.maximum(counts - 2, 0).sum())
-    if n_vertices > settings.max_points or triangles > settings.max_faces:
+    if not settings.allows(n_vertices, triangles):
         raise MeshTooLarge(
             f"{triangles} triangles and {n_vertices} vertices; the limits are "
             f"{settings.max_faces} and {settings.max_points}"

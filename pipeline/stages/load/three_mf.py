@@ -9,7 +9,7 @@ from pipeline.core.results import Note
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Contents
 from pipeline.stages.load.three_mf_build import Builder, Plate
-from pipeline.stages.load.three_mf_left_out import NOT_BUILT, NOT_PRINTABLE, listed
+from pipeline.stages.load.three_mf_left_out import EMPTY, NOT_BUILT, NOT_PRINTABLE, listed
 from pipeline.stages.load.three_mf_package import Package
 from pipeline.stages.load.three_mf_roles import read_roles
 
@@ -68,7 +68,7 @@ def _several(items: list[str]) -> list[Note]:
 
 def _nothing(plate: Plate) -> UnreadableFile:
     found = plate.left_out.phrases()
-    if not found:
+    if set(plate.left_out.found) <= {EMPTY}:
         return UnreadableFile("the 3MF prints no triangles: the objects that it builds are empty")
     remedy = "make the part an object of type model (in a slicer: a normal part), and save the 3MF again"
     if set(plate.left_out.found) == {NOT_PRINTABLE}:

@@ -12,7 +12,14 @@ from pipeline.core.errors import MeshTooLarge, UnitUnknown, UnreadableFile
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, FilePart
-from pipeline.stages.load.three_mf_left_out import NOT_PRINTABLE, LeftOut, of_geometry, of_kind, of_role
+from pipeline.stages.load.three_mf_left_out import (
+    EMPTY,
+    NOT_PRINTABLE,
+    LeftOut,
+    of_geometry,
+    of_kind,
+    of_role,
+)
 from pipeline.stages.load.three_mf_model import read_model
 from pipeline.stages.load.three_mf_package import Package
 from pipeline.stages.load.three_mf_records import Model, Object, Use, wrong_face
@@ -76,6 +83,9 @@ class Builder:
             name = self._name(model, thing)
             if not item.printable:
                 plate.left_out.add(NOT_PRINTABLE, name, self._size(model, thing, ()).triangles)
+                continue
+            if not self._size(model, thing, ()).meshes:  # a body without content, as Fusion writes it
+                plate.left_out.add(EMPTY, name, 0)
                 continue
             before = len(plate.bodies)
             self._place(plate, model, thing, self._linear(self.root, item, model), kinds, name)

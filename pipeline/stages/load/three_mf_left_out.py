@@ -38,6 +38,7 @@ def of_geometry(geometry: str) -> Reason:
 
 
 NOT_PRINTABLE = Reason("build item marked as not printable", "build items marked as not printable")
+EMPTY = Reason("build item without triangles", "build items without triangles", "empty")
 NOT_BUILT = Reason("object that no build item uses", "objects that no build item uses")
 
 

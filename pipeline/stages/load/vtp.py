@@ -48,7 +48,7 @@ def read_vtp(data: bytes, settings: LoadSettings) -> Contents:
         n_lines += _count(piece, "NumberOfLines")
         n_narrow += narrow
         n_vertices, n_faces = n_vertices + len(points), n_faces + len(faces)
-        if n_vertices > settings.max_points or n_faces > settings.max_faces:
+        if not settings.allows(n_vertices, n_faces):
             raise MeshTooLarge(
                 f"{n_faces} triangles and {n_vertices} vertices; the limits are "
                 f"{settings.max_faces} and {settings.max_points}"

@@ -13,6 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
+from pipeline import Decision, VerdictStatus
 from service.api.dependencies import Api, UseApi
 from service.api.digests import content_digest
 from service.api.etags import conditional_json, is_known
@@ -29,6 +30,10 @@ from service.webhooks.outbox import delivery_list
 
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
 FileName = Annotated[str, Path(description="as in the list of files", examples=["report.html"])]
+ReferenceText = Annotated[
+    str | None,
+    Query(max_length=100, pattern=NO_NUL, description="select by this value of `options.reference`"),
+]
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 RETRY_AFTER_S = 1
@@ -77,8 +82,16 @@ def list_jobs(
     status: Annotated[Status | None, Query(description="select by this value")] = None,
     type: Annotated[JobType | None, Query(description="select by this value")] = None,  # noqa: A002 (the contract's word)
     label: Annotated[
-        str | None, Query(max_length=200, pattern=NO_NUL, description="select by this value")
+        str | None,
+        Query(
+            max_length=200, pattern=NO_NUL, description="select by this value; `~text`: labels with the text"
+        ),
     ] = None,
+    verdict: Annotated[VerdictStatus | None, Query(description="select by this value")] = None,
+    decision: Annotated[Decision | None, Query(description="select by this value")] = None,
+    serial: ReferenceText = None,
+    batch: ReferenceText = None,
+    part_number: ReferenceText = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
     cursor: Annotated[
         str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the previous page")
@@ -86,7 +99,19 @@ def list_jobs(
 ) -> JobPage:
     """List jobs, newest first."""
     rows, after = api.jobs.page(
-        tenant=caller.tenant, status=status, job_type=type, label=label, before_id=cursor, limit=limit
+        tenant=caller.tenant,
+        status=status,
+        job_type=type,
+        label=label,
+        equal={
+            "verdict": verdict,
+            "decision": decision,
+            "serial": serial,
+            "batch": batch,
+            "part_number": part_number,
+        },
+        before_id=cursor,
+        limit=limit,
     )
     return JobPage(jobs=[job for row in rows if (job := _readable(row)) is not None], next=after)
 

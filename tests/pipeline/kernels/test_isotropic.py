@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.kernels import remesh, topology
@@ -162,3 +163,19 @@ def test_bad_arrays_are_refused() -> None:
         core.isotropic(part.vertices, part.faces, 0.0, 30.0, 1, 1)
     with pytest.raises(ValueError, match="m > 0"):
         core.isotropic(part.vertices, part.faces[:0], 1.0, 30.0, 1, 1)
+
+
+def test_a_chamfer_far_narrower_than_the_edges_leaves_no_needles() -> None:
+    """Its two creases are closer than a tenth of the length asked for: they become one."""
+    width = 0.04
+    corners = np.array([[x, y] for x, y in ((0, 0), (10, 0), (10, 10 - width), (10 - width, 10), (0, 10))])
+    points = np.concatenate([np.column_stack([corners, np.full(5, z)]) for z in (0.0, 10.0)])
+    hull = trimesh.convex.convex_hull(points)
+    part = Mesh(np.asarray(hull.vertices), np.asarray(hull.faces))
+    found = remeshed(part, 1.0, 5)
+    ends = found.vertices[topology.edges(found.faces).ends]
+    assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).min() > 0.1
+    assert quality(found).min() > 0.1
+    assert (topology.edges(found.faces).count == 2).all()
+    assert euler(found) == 2
+    assert Surface(part).closest(found.vertices).distance.max() < width

@@ -220,3 +220,15 @@ def test_a_ridge_is_not_sharp() -> None:
     mesh, field = bump((9.3, 8.6), 0.0)
     found = peaks.located(mesh, field, np.array([int(field.argmax())]), 3.0)
     assert found.sharpness[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_maximum_is_located_on_the_top_of_a_pin_with_few_vertices() -> None:
+    """Seven vertices are too few for six coefficients; a round field has four."""
+    around = np.arange(6) * np.pi / 3
+    rim = np.column_stack([np.cos(around), np.sin(around), np.zeros(6)])
+    faces = np.array([[0, 1 + k, 1 + (k + 1) % 6] for k in range(6)])
+    mesh, top = Mesh(np.concatenate([np.zeros((1, 3)), rim]), faces), np.array([0.2, -0.1, 0.0])
+    field = 5.0 - 3.0 * ((mesh.vertices - top) ** 2).sum(axis=1)
+    found = peaks.located(mesh, field, np.array([0]), 2.5)
+    assert found.position_mm[0] == pytest.approx(top)
+    assert (found.value[0], found.sharpness[0]) == pytest.approx((5.0, 6.0))

@@ -2,14 +2,22 @@
 is none, and smooth distortion is no difference of shape.
 """
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 
 from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.stations import Stations
+from pipeline.kernels import rigid
+from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
 from pipeline.stages.registration import evaluate_fit
 from pipeline.verification.placed_scan import PlacedScan
+from pipeline.verification.seen_through import seen_through_patch
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from tests.support import shapes
+from tests.support.scanners.rays import seen_from
 from tests.support.scanners.structured_light import retriangulated
 from tests.support.scanners.surroundings import joined
 from tests.support.variants.cover import Cover
@@ -100,21 +108,57 @@ def test_the_round_edges_of_a_surface_made_from_points_are_no_missing_material()
     assert assess_surfaces(placed, surface, box, INLIER_MM, 0.0).design_patch is None
 
 
-def test_a_floor_that_a_thin_rib_would_hide_shows_that_the_rib_is_missing() -> None:
+def cover_part(change: str | None) -> Mesh:
+    """The cover, or its version with that change."""
     cover = Cover.sampled(3)
-    design = retriangulated(cover.mesh(), 8_000)
-    rng = np.random.default_rng(1)
+    return cover.mesh() if change is None else cover.changes()[change].mesh()
 
-    def scanned(part: Mesh) -> Mesh:
-        even = retriangulated(part, 8_000)
-        noise = rng.normal(0.0, NOISE_MM, len(even.vertices))
-        return Mesh(even.vertices + noise[:, None] * even.vertex_normals(), even.faces)
 
-    assert evidence(scanned(cover.mesh()), design).through_patch is None
-    patch = evidence(scanned(cover.changes()["rib missing"].mesh()), design).through_patch
+@cache
+def cover_design() -> Mesh:
+    return retriangulated(cover_part(None), 8_000)
+
+
+@cache
+def cover_scanned(change: str | None) -> Mesh:
+    """With other triangles, and noise."""
+    even = retriangulated(cover_part(change), 8_000)
+    noise = np.random.default_rng(1).normal(0.0, NOISE_MM, len(even.vertices))
+    return Mesh(even.vertices + noise[:, None] * even.vertex_normals(), even.faces)
+
+
+def test_a_floor_that_a_thin_rib_would_hide_shows_that_the_rib_is_missing() -> None:
+    assert evidence(cover_scanned(None), cover_design()).through_patch is None
+    patch = evidence(cover_scanned("rib missing"), cover_design()).through_patch
     assert patch is not None and patch.peak > 4 * NOISE_MM
-    off_mm = Surface(cover.changes()["rib missing"].mesh()).closest(patch.centre_mm[None]).distance[0]
+    off_mm = Surface(cover_part("rib missing")).closest(patch.centre_mm[None]).distance[0]
     assert off_mm < 4 * NOISE_MM  # on the floor
+
+
+def from_two_sides(scan: Mesh, T_design_scan: FloatArray) -> tuple[PlacedScan, PlacedScan]:
+    """The vertices of a mesh as points, without and with the stations that saw them, in the scan frame."""
+    middle, reach = scan.vertices.mean(axis=0), 5 * scan.diagonal_mm
+    directions = np.array([[0.6, 0.0, 0.8], [-0.36, 0.48, -0.8]])
+    seen = [seen_from(scan, scan.vertices, scan.vertex_normals(), each) for each in directions]
+    points = Mesh(np.concatenate([scan.vertices[each] for each in seen])).moved(rigid.inverse(T_design_scan))
+    working = scan.moved(rigid.inverse(T_design_scan))
+    positions = rigid.transformed(rigid.inverse(T_design_scan), middle + reach * directions)
+    of_vertex = np.repeat(np.arange(2, dtype=np.int32), [each.sum() for each in seen])
+    _, of_clean = nearest(working.vertices, points.vertices)
+    fit = evaluate_fit(points, points.weights(), Surface(scan), T_design_scan, INLIER_MM)
+    without = PlacedScan(points, fit, 1.0, working, of_clean, None)
+    return without, replace(without, stations=Stations(positions, of_vertex))
+
+
+def test_of_points_the_way_to_the_scanner_shows_that_a_rib_is_missing() -> None:
+    design, T = Surface(cover_design()), shapes.motion(2)
+    _, right = from_two_sides(cover_scanned(None), T)
+    assert seen_through_patch(right, design, 4 * NOISE_MM) is None
+    unknown, known = from_two_sides(cover_scanned("rib missing"), T)
+    assert seen_through_patch(unknown, design, 4 * NOISE_MM) is None  # points have no outer side
+    patch = seen_through_patch(known, design, 4 * NOISE_MM)
+    assert patch is not None and patch.peak > 4 * NOISE_MM
+    assert Surface(cover_part("rib missing")).closest(patch.centre_mm[None]).distance[0] < 4 * NOISE_MM
 
 
 def test_a_wall_across_a_narrow_gap_hides_nothing() -> None:

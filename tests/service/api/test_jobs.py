@@ -1,6 +1,7 @@
 """The HTTP contract, request by request."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -62,6 +63,10 @@ def test_options_may_come_as_a_file(service: Service) -> None:
         ('{"seed": -1}', "invalid_options", "options.seed"),
         ('{"tolerance_mm": 0}', "invalid_options", "options.tolerance_mm"),
         ('{"tolerance_mm": NaN}', "invalid_options", "options.tolerance_mm"),
+        ('{"acceptance": {"tolerance_mm": 1, "upper_mm": 2}}', "invalid_options", "not both"),
+        ('{"acceptance": {"min_within": 0.9}}', "invalid_options", "acceptance: min_within"),
+        ('{"reference": {"serial": ""}}', "invalid_options", "options.reference.serial"),
+        ('{"reference": {"more": {"1": "x"}}}', "invalid_options", "options.reference.more"),
         ('{"scan_accuracy_mm": 0}', "invalid_options", "options.scan_accuracy_mm"),
         ('{"scan_accuracy_mm": -0.1}', "invalid_options", "options.scan_accuracy_mm"),
         ('{"scan_accuracy_mm": Infinity}', "invalid_options", "options.scan_accuracy_mm"),
@@ -186,6 +191,54 @@ def test_a_listing_is_paged_and_filtered(service: Service) -> None:
     assert listed(type="study") == []
     assert_problem(service.http.get("/v1/jobs?status=done"), 422, "invalid_request", "status")
     assert_problem(service.http.get("/v1/jobs?limit=0"), 422, "invalid_request", "limit")
+
+
+RESULTS_OF_A_PART = b'{"schema_version": "1", "verdict": {"status": "ok"}, "inspection": {"decision": "%s"}}'
+
+
+def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> None:
+    def judged(decision: bytes) -> Any:
+        def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Any:
+            outcome = service.sandbox.succeed(task, on_progress, is_wanted)
+            (Path(task["out"]) / "results.json").write_bytes(RESULTS_OF_A_PART % decision)
+            return outcome
+
+        return act
+
+    ids = []
+    for number, decision in enumerate((b"pass", b"fail", b"pass")):
+        service.sandbox.act = judged(decision)
+        reference = {"serial": f"A-{number}", "batch": "B1", "more": {"shift": "2"}}
+        ids.append(service.finished(json.dumps({"label": f"lid {number}", "reference": reference})))
+
+    def listed(**query: str) -> list[str]:
+        return [job["id"] for job in service.http.get("/v1/jobs", params=query).json()["jobs"]]
+
+    assert listed(decision="fail") == [ids[1]]
+    assert listed(decision="pass", serial="A-2") == [ids[2]]
+    assert listed(verdict="ok", batch="B1") == ids[::-1]
+    assert listed(verdict="mirrored") == listed(part_number="B1") == []
+    assert listed(label="~id 1") == [ids[1]]
+    assert listed(label="~%") == []
+    job = service.status(ids[1])
+    assert (job["verdict"], job["decision"], job["reference"]["serial"]) == ("ok", "fail", "A-1")
+    assert job["reference"]["more"] == {"shift": "2"}
+    assert 'cusp_decisions_total{decision="pass"} 2.0' in service.http.get("/metrics").text
+    assert_problem(service.http.get("/v1/jobs?decision=maybe"), 422, "invalid_request", "decision")
+
+
+@pytest.mark.parametrize(
+    "content", [b"no json", b"[]", b'{"verdict": 3}', b'{"verdict": {"status": "a b"}, "inspection": []}']
+)
+def test_odd_results_have_no_verdict(service: Service, content: bytes) -> None:
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Any:
+        outcome = service.sandbox.succeed(task, on_progress, is_wanted)
+        (Path(task["out"]) / "results.json").write_bytes(content)
+        return outcome
+
+    service.sandbox.act = act
+    job = service.status(service.finished())
+    assert (job["status"], job["verdict"], job["decision"]) == ("successful", None, None)
 
 
 # --- fetching

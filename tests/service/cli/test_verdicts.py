@@ -74,6 +74,31 @@ def test_register_takes_the_accuracy_of_the_scanner(tmp_path: Path) -> None:
     assert (refused.exit_code, "options.scan_accuracy_mm" in refused.stderr) == (1, True)
 
 
+@pytest.mark.parametrize(
+    ("status", "decision", "code"),
+    [("ok", "pass", 0), ("ok", "not_judged", 0), ("ok", "fail", 9), ("uncertain", "fail", 8)],
+)
+def test_a_part_that_fails_has_an_exit_code_below_that_of_the_alignment(
+    status: str, decision: str, code: int
+) -> None:
+    results = RESULTS | {
+        "verdict": RESULTS["verdict"] | {"status": status},
+        "inspection": RESULTS["inspection"] | {"decision": decision},
+    }
+    with pytest.raises(typer.Exit) as ended:
+        jobs._conclude(results, None, as_json=True)
+    assert ended.value.exit_code == code
+
+
+def test_the_summary_gives_the_decision_and_every_check() -> None:
+    text = io.StringIO()
+    print_results(RESULTS, None, Console(file=text, width=160))
+    assert "part: pass\n" in text.getvalue()
+    for check in RESULTS["inspection"]["checks"]:
+        assert check["name"] in text.getvalue()
+    print_results(RESULTS | {"inspection": None}, None, Console(file=io.StringIO()))  # of an earlier version
+
+
 def test_an_uncertain_alignment_ends_with_its_exit_code() -> None:
     verdict = RESULTS["verdict"] | {"status": "uncertain"}
     with pytest.raises(typer.Exit) as ended:

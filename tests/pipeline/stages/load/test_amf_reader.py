@@ -291,8 +291,8 @@ def test_nested_groups_do_not_grow_without_limit() -> None:
 def test_too_many_are_refused_and_a_bomb_too() -> None:
     with pytest.raises(errors.MeshTooLarge):
         read(PLAIN, max_faces=5)
-    with pytest.raises(errors.MeshTooLarge):
-        read(PLAIN, max_points=5)
+    with pytest.raises(errors.MeshTooLarge, match="more than 5 vertices"):
+        read(PLAIN, max_points=5, max_faces=1)
     with pytest.raises(errors.MeshTooLarge, match="unpacks to"):
         read(zipped(PLAIN + b" " * 10**6), max_archive_expansion=20)
 

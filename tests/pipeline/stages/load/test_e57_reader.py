@@ -134,19 +134,29 @@ def test_scans_with_poses_are_one_cloud_as_libe57_reads_it(folder: Path) -> None
         contents.bodies[0].vertices, POINTS[state == 0] @ turn.T + TRANSLATION, atol=1e-5
     )
     # the third scan has the identity as pose, which is no position
-    np.testing.assert_allclose(contents.scanner_positions, [TRANSLATION, [0, 3, 0]])
+    north, south, nowhere = (body.scanner for body in contents.bodies)
+    np.testing.assert_allclose([north, south], [TRANSLATION, [0, 3, 0]])
+    assert nowhere is None
     assert [note.code for note in contents.notes] == ["points_without_position", "scanner_positions"]
     assert "500 marked as invalid or not finite of 15000" in contents.notes[0].detail
     assert "3 scans were put in one frame" in contents.notes[1].detail
     assert "(10, -20, 1.5), (0, 3, 0) m" in contents.notes[1].detail
 
 
-def test_the_loaded_mesh_is_in_mm_with_the_scanner_positions(folder: Path, plain: bytes) -> None:
-    (folder / "plain.e57").write_bytes(plain)
-    loaded = load(MeshFile.of(folder / "plain.e57"), "scan", LoadSettings(), needs_surface=False)
+@pytest.mark.parametrize(("away", "known"), [(20.0, True), (0.0, False)])
+def test_the_loaded_mesh_is_in_mm_with_the_stations_that_lie_outside_it(
+    folder: Path, away: float, known: bool
+) -> None:
+    data = {"data": cartesian(POINTS + away), "translation": TRANSLATION}
+    (folder / "placed.e57").write_bytes(written(folder, data))
+    loaded = load(MeshFile.of(folder / "placed.e57"), "scan", LoadSettings(), needs_surface=False)
     assert (loaded.unit, loaded.mm_per_unit) == ("m", 1000.0)
-    np.testing.assert_allclose(loaded.scanner_positions_mm, [TRANSLATION * 1000])
     assert np.ptp(loaded.mesh.vertices, axis=0).max() == pytest.approx(6000, rel=1e-3)
+    assert (loaded.stations is not None) is known
+    if loaded.stations is None:
+        return
+    np.testing.assert_allclose(loaded.stations.positions_mm, [TRANSLATION * 1000])
+    np.testing.assert_array_equal(loaded.stations.of_vertex, np.zeros(len(loaded.mesh.vertices)))
 
 
 @pytest.mark.parametrize(
@@ -186,7 +196,7 @@ def test_fields_of_extensions_strings_and_constants_are_stepped_over(folder: Pat
     }
     contents = read(by_nodes(folder, columns))
     np.testing.assert_allclose(joined(contents)[0], POINTS, atol=1e-6)
-    assert not len(contents.scanner_positions) and contents.notes == ()
+    assert contents.bodies[0].scanner is None and contents.notes == ()
 
 
 def test_spherical_coordinates_are_read(folder: Path) -> None:

@@ -22,7 +22,7 @@ def test_one_body_is_not_copied() -> None:
     assert vertices is body.vertices and faces is body.faces
 
 
-@pytest.mark.parametrize("kind", ["stl", "ply"])
+@pytest.mark.parametrize("kind", ["stl", "ply", "obj", "off", "glb", "3mf"])
 def test_corners_without_common_vertices_are_not_counted(kind: str, tmp_path: Path) -> None:
     path = tmp_path / f"soup.{kind}"
     SOUP.export(str(path))
@@ -34,6 +34,7 @@ def test_corners_without_common_vertices_are_not_counted(kind: str, tmp_path: Pa
 
 def test_vertices_of_a_mesh_and_points_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "box.ply"
-    trimesh.Trimesh(BOX.vertices, BOX.faces, process=False).export(str(path))
-    with pytest.raises(errors.MeshTooLarge, match="8 vertices; the limit is 7"):
+    more = np.concatenate([BOX.vertices, np.zeros((29, 3))])  # one more than three for each triangle
+    trimesh.Trimesh(more, BOX.faces, process=False).export(str(path))
+    with pytest.raises(errors.MeshTooLarge, match="37 vertices; the limit is 7"):
         load(MeshFile(path), "design", LoadSettings(max_points=7), needs_surface=True)

@@ -235,6 +235,8 @@ def test_a_bad_file_is_refused_with_its_line(case: str) -> None:
 
 def test_sizes_beyond_the_limits_are_refused() -> None:
     with pytest.raises(errors.MeshTooLarge, match="more than 3 vertices"):
-        read(SQUARE + "f 1 2 3 4\n", max_points=3)
+        read(SQUARE + "f 1 2 3 4\n", max_points=3, max_faces=1)
+    with pytest.raises(errors.MeshTooLarge, match="1 triangles and 4 vertices"):
+        read(SQUARE + "f 1 2 3\n", max_points=3)
     with pytest.raises(errors.MeshTooLarge, match="2 triangles and 4 vertices; the limits are 1"):
         read(SQUARE + "f 1 2 3 4\n", max_faces=1)

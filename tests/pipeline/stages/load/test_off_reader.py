@@ -204,8 +204,8 @@ def test_a_bad_file_is_refused_with_its_place(case: str) -> None:
 def test_sizes_beyond_the_limits_are_refused() -> None:
     with pytest.raises(errors.MeshTooLarge, match="2 triangles and 4 vertices; the limits are 1 and"):
         read(PLAIN, max_faces=1)
-    with pytest.raises(errors.MeshTooLarge):
-        read(PLAIN, max_points=3)
+    with pytest.raises(errors.MeshTooLarge, match="1 triangles and 4 vertices"):
+        read(f"OFF\n4 1 0\n{POINTS}3 0 1 2\n", max_points=3)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)

@@ -292,6 +292,9 @@ def test_ptx_scans_are_moved_and_directions_without_return_left_out() -> None:
     contents = read(text)
     assert points(contents) == [(8.0, 21.0, 33.0), (5.0, 24.0, 36.0), (7.0, 8.0, 9.0)]
     assert [body.name for body in contents.bodies] == ["scan 1", "scan 2"]
+    first, second = (body.scanner for body in contents.bodies)
+    assert first is None  # the head says 0 0 0, the transform 10 20 30: which it is, is not certain
+    assert second is not None and second.tolist() == [0, 0, 0]
     assert codes(contents) == ["points_without_position"] and "2 of 5" in contents.notes[0].detail
     assert detect_format(text.encode(), len(text), "a.ptx") is Format.XYZ
     flipped = read(PTX_HEAD.format(1, 1) + "1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n1 2 3 0\n")

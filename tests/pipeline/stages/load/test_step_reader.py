@@ -19,6 +19,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.settings import LoadSettings
 from pipeline.stages.load import extras, step
 from pipeline.stages.load.contents import Contents, joined
+from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.step import TESSELLATION_SHARE, read_step
 from pipeline.stages.load.step_text import read_step_text
 from pipeline.stages.load.units import DECLARED
@@ -121,8 +122,45 @@ def test_several_solids_of_one_part_are_listed_by_name() -> None:
     made.product("pair", [made.solid(faces[0], "left"), made.solid(faces[1], "it''s right")])
     contents = read(made.text())
     assert codes(contents) == ["several_parts"]
-    assert "2 solids (1 left, 2 it's right)" in contents.notes[0].detail
+    assert "2 parts (1 left, 2 it's right)" in contents.notes[0].detail
     assert volume(contents) == pytest.approx(12.0, rel=1e-6)
+    right = choose_part(contents, "it's right")
+    assert volume(right) == pytest.approx(6.0, rel=1e-6)
+    assert joined(right)[0].min(axis=0) == pytest.approx([5.0, 0.0, 0.0], abs=1e-6)
+
+
+def test_solids_that_touch_are_parts_of_their_own_and_a_cavity_is_none() -> None:
+    """Two boxes with a common side, each of whose edges is in both; the second is hollow."""
+    made = Step()
+    left = made.solid(made.box_faces(SIZE), "left")
+    hollow = made.hollow(
+        made.box_faces(SIZE, np.array([1.0, 0, 0])), made.box_faces(SIZE / 2, SIZE / 4 + [1, 0, 0])
+    )
+    made.product("pair", [left, hollow, made.solid(made.cylinder_faces(1.0, 4.0), "pin")])
+    contents = read(made.text())
+    assert [body.name for body in contents.bodies] == ["left", "hollow", "pin"]
+    volumes = [volume(Contents((body,))) for body in contents.bodies]
+    assert volumes[:2] == pytest.approx([6.0, 6.0 - 6.0 / 8], rel=1e-6)
+    assert volumes[2] == pytest.approx(4.0 * math.pi, rel=0.01)
+
+
+def test_solids_of_several_products_are_numbered_by_product() -> None:
+    made = Step()
+    made.product("pair", [made.solid(made.box_faces(SIZE)), made.solid(made.box_faces(SIZE, 5 * SIZE))])
+    made.product("pin", [made.solid(made.cylinder_faces(1.0, 2.0))])
+    made.assembly("all", [(0, np.zeros(3)), (0, 50 * SIZE), (1, np.array([0, 0, 50.0]))])
+    names = [body.name for body in read(made.text()).bodies]
+    assert names == ["all.0 1", "all.0 2", "all.1 1", "all.1 2", "all.2"]
+
+
+def test_a_solid_without_a_face_leaves_the_solids_of_its_product_together() -> None:
+    made = Step()
+    made.product(
+        "pair", [made.solid(made.box_faces(SIZE)[:5], "a"), made.solid(made.box_faces(SIZE, 5 * SIZE), "b")]
+    )
+    contents = read(made.text())
+    assert len(contents.bodies) == 1
+    assert "2 solids (1 a, 2 b)" in contents.notes[0].detail and "export it alone" in contents.notes[0].detail
 
 
 def test_hidden_solids_are_read_and_named() -> None:

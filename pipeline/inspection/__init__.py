@@ -1,0 +1,1 @@
+"""Inspection: whether the registered part is accepted, check by check."""

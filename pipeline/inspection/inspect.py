@@ -1,0 +1,107 @@
+"""The decision on a part: `pass`, `fail` or `not_judged`, with its reasons."""
+
+from pipeline.analysis.design_model import DesignModel
+from pipeline.core.acceptance import Acceptance
+from pipeline.core.results import Verdict
+from pipeline.core.results.inspection import Check, Decision, Inspection
+from pipeline.inspection.checks import Part, checks_of
+from pipeline.inspection.extremes import extremes
+from pipeline.inspection.limits_check import rule
+from pipeline.inspection.measured_surface import MeasuredSurface
+from pipeline.inspection.patches import default_diameter_mm, patches
+from pipeline.kernels.surface_patches import adjacency_of
+from pipeline.stages.deviation import Deviations
+from pipeline.stages.registration import Registration
+
+NO_LIMITS = "no limits were given; send options.acceptance"
+
+
+def inspect(
+    registration: Registration,
+    deviations: Deviations,
+    seen: float | None,
+    design: DesignModel,
+    verdict: Verdict,
+    acceptance: Acceptance | None,
+) -> Inspection:
+    """Check a registered scan against its limits. seen : share of the design's area that the scan shows
+
+    A part passes only when the verdict is `ok`, there is at least one check, and all pass. It fails only when
+    the verdict is `ok`: under a pose that may be wrong, deviations say nothing about the part.
+
+    Raises
+    ------
+    UnknownRegion, PointOffSurface
+    """
+    surface = MeasuredSurface.of(registration, deviations, design)
+    diameter_mm = None if acceptance is None else acceptance.patch_mm
+    found = patches(surface, diameter_mm or default_diameter_mm(surface, design.diagonal_mm))
+    part = Part(surface, found, design.surface, seen, verdict)
+    checks = [] if acceptance is None else checks_of(part, acceptance)
+    decision, reasons = decide(verdict, checks, acceptance)
+    return Inspection(
+        decision=decision,
+        reasons=reasons,
+        rule=None if acceptance is None else rule(acceptance),
+        patch_mm=found.diameter_mm,
+        checks=checks,
+        extremes=extremes(surface, found, adjacency_of(design.analysis.resampled.mesh)),
+    )
+
+
+def without_pose(verdict: Verdict, acceptance: Acceptance | None) -> Inspection:
+    """The inspection of a scan without a valid alignment, where nothing can be measured."""
+    decision, reasons = decide(verdict, [], acceptance)
+    return Inspection(
+        decision=decision,
+        reasons=reasons,
+        rule=None if acceptance is None else rule(acceptance),
+        patch_mm=None,
+        checks=[],
+        extremes=[],
+    )
+
+
+def decide(
+    verdict: Verdict, checks: list[Check], acceptance: Acceptance | None
+) -> tuple[Decision, list[str]]:
+    """The decision and why, for people."""
+    reasons = [words(check) for check in checks if check.passed is not True]
+    if verdict.status != "ok":
+        why = f"the alignment is {verdict.status.replace('_', ' ')}, so the part cannot be judged"
+        return "not_judged", [why, *reasons]
+    if acceptance is None or not checks:
+        return "not_judged", [NO_LIMITS]
+    if any(check.passed is False for check in checks):
+        return "fail", reasons
+    return ("not_judged", reasons) if reasons else ("pass", [])
+
+
+def words(check: Check) -> str:
+    """Why a check did not pass."""
+    if check.value is None:
+        return f"{check.name}: not measured, the scan does not show it"
+    limit = check.upper if check.upper is not None and check.value > _middle(check) else check.lower
+    side = "above" if limit == check.upper else "below"
+    value, bound = _shown(check.value, check.unit), _shown(limit, check.unit)
+    if check.passed is None:
+        return f"{check.name}: {value} is too near its limit of {bound} for the stated uncertainty"
+    where = (
+        ""
+        if check.position_mm is None
+        else " at (" + ", ".join(f"{axis:.2f}" for axis in check.position_mm) + ") mm"
+    )
+    return f"{check.name}: {value} is {side} its limit of {bound}{where}"
+
+
+def _middle(check: Check) -> float:
+    """Between the limits; values above it are compared with the upper one in words."""
+    if check.lower is None or check.upper is None:
+        return float("-inf")
+    return (check.lower + check.upper) / 2
+
+
+def _shown(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    return f"{100 * value:.1f} %" if unit == "1" else f"{value:.3f} mm"

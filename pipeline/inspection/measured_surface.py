@@ -1,0 +1,87 @@
+"""What the scan shows of the design's surface: signed deviations, each at its place on the design."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.analysis.design_model import DesignModel
+from pipeline.core.mesh import FloatArray, IndexArray
+from pipeline.kernels import rigid
+from pipeline.stages.deviation import Deviations, side_of
+from pipeline.stages.registration import Registration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredSurface:
+    """The n scan vertices that count, each at the closest place of the design; and c places of the design,
+    the vertices of its working mesh, with what lies nearest to them on the scan.
+
+    foot_mm : (n, 3), on the design; normal : (n, 3) outward unit normals of the design there; face : (n,) its
+    triangle; signed_mm : (n,) deviation, + outside; area : (n,) share of the scan's area
+
+    place_mm, place_normal, place_area_mm2, place_face : of the c places; ends : (k, 2) neighbours among them;
+    signed_at_place_mm : (c,) deviation by the nearest place of the scan, nan where the scan ends
+
+    segment_of_face : (m,) segment of each triangle of the design; vertex_area_mm2 : area of the scan over
+    its number of vertices
+    """
+
+    foot_mm: FloatArray
+    normal: FloatArray
+    face: IndexArray
+    signed_mm: FloatArray
+    area: FloatArray
+    place_mm: FloatArray
+    place_normal: FloatArray
+    place_area_mm2: FloatArray
+    place_face: IndexArray
+    signed_at_place_mm: FloatArray
+    segment_of_face: IndexArray
+    vertex_area_mm2: float
+
+    @classmethod
+    def of(cls, registration: Registration, deviations: Deviations, design: DesignModel) -> "MeasuredSurface":
+        """Under the final pose."""
+        fit, counted = registration.fit, deviations.counted
+        working, scan = design.analysis.resampled.mesh, registration.scan
+        on_design = design.surface.closest(working.vertices)
+        # A cloud has no area of its own: that of the design, as far as the scan covers it
+        covered_mm2 = registration.design_coverage * float(design.analysis.mesh.face_areas_mm2().sum())
+        scan_area_mm2 = covered_mm2 if scan.is_cloud else float(scan.face_areas_mm2().sum())
+        area = scan.weights()[counted]
+        return cls(
+            foot_mm=fit.closest.point[counted],
+            normal=fit.closest.normal[counted],
+            face=fit.closest.face[counted],
+            signed_mm=deviations.signed_mm[counted],
+            area=area / max(float(area.sum()), 1e-300),
+            place_mm=on_design.point,
+            place_normal=on_design.normal,
+            place_area_mm2=working.vertex_areas_mm2(),
+            place_face=on_design.face,
+            signed_at_place_mm=_from_design(registration, design, working.vertices),
+            segment_of_face=np.asarray(design.analysis.segment_of_faces(), dtype=np.int64),
+            vertex_area_mm2=scan_area_mm2 / max(len(scan.vertices), 1),
+        )
+
+
+def _from_design(registration: Registration, design: DesignModel, places: FloatArray) -> FloatArray:
+    """(c,) signed distance of places of the design to the scan's surface, + where the scan stands out; nan
+    where the scan ends, and everywhere for a point cloud, which has no surface.
+
+    It shows what no scan vertex lies near: a piece that broke off.
+    """
+    surface, fit = registration.scan_surface, registration.fit
+    if surface is None:
+        return np.full(len(places), np.nan)
+    in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), places)
+    closest = surface.closest(in_scan)
+    if side_of(design.analysis.mesh) == "none":
+        signed = closest.distance
+    else:
+        signed = -surface.signed_distance(in_scan, closest)
+        scan = registration.scan
+        scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
+        agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
+        signed = signed if agrees else -signed
+    return np.where(surface.on_open_border(closest), np.nan, signed)

@@ -1,0 +1,48 @@
+"""Which places of the design belong to a region."""
+
+import numpy as np
+
+from pipeline.core.acceptance import Box, Cylinder, Faces, Region, Segments, Sphere
+from pipeline.core.errors import UnknownRegion
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
+
+
+def members(
+    region: Region, name: str, points: FloatArray, face: IndexArray, segment_of_face: IndexArray
+) -> BoolArray:
+    """(k,) whether each of `points` (k, 3) mm, on triangle `face` (k,) of the design, lies in the region.
+
+    segment_of_face : (m,) segment of each triangle of the design
+
+    Raises
+    ------
+    UnknownRegion
+        When it names a segment or a triangle that the design does not have.
+    """
+    match region:
+        case Box():
+            inside = (points >= np.array(region.min_mm)) & (points <= np.array(region.max_mm))
+            return np.asarray(inside.all(axis=1))
+        case Sphere():
+            away = np.linalg.norm(points - np.array(region.centre_mm), axis=1)
+            return np.asarray(away <= region.radius_mm)
+        case Cylinder():
+            start, axis = np.array(region.start_mm), np.array(region.end_mm) - np.array(region.start_mm)
+            length = float(np.linalg.norm(axis))
+            along = (points - start) @ (axis / length)
+            away = np.linalg.norm(points - start - along[:, None] * (axis / length), axis=1)
+            return np.asarray((along >= 0) & (along <= length) & (away <= region.radius_mm))
+        case Segments():
+            _known(region.segments, int(segment_of_face.max()) + 1, name, "segment")
+            return np.isin(segment_of_face[face], region.segments)
+        case Faces():
+            _known(region.faces, len(segment_of_face), name, "triangle")
+            return np.isin(face, region.faces)
+
+
+def _known(numbers: list[int], count: int, name: str, what: str) -> None:
+    if unknown := [number for number in numbers if number >= count]:
+        raise UnknownRegion(
+            f"region {name!r} names {what} {unknown[0]}, but the design has {count} (0 to {count - 1})",
+            mesh="design",
+        )

@@ -1,0 +1,30 @@
+"""The two words of results.json that jobs are listed by."""
+
+import json
+from pathlib import Path
+from typing import TypedDict
+
+
+class ResultsOutcome(TypedDict):
+    """Of a registration; None for other types of job."""
+
+    verdict: str | None
+    decision: str | None
+
+
+def outcome_of(results: Path) -> ResultsOutcome:
+    """Read from results.json: a file of the job's process, so anything in it is checked."""
+    try:
+        document = json.loads(results.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        document = None
+    return {
+        "verdict": _word(document, "verdict", "status", 32),
+        "decision": _word(document, "inspection", "decision", 16),
+    }
+
+
+def _word(document: object, block: str, name: str, max_length: int) -> str | None:
+    part = document.get(block) if isinstance(document, dict) else None
+    word = part.get(name) if isinstance(part, dict) else None
+    return word if isinstance(word, str) and word.isidentifier() and len(word) <= max_length else None
