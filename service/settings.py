@@ -10,6 +10,8 @@ from typing import Literal
 from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service.ceilings import read_ceilings
+
 MIB = 1024 * 1024
 
 
@@ -50,6 +52,11 @@ class ServiceSettings(BaseSettings):
     )
     min_free_disk_mib: int = Field(
         1024, ge=0, description="with less free space on the data volume /readyz answers not_ready"
+    )
+    setting_ceilings: str = Field(
+        "",
+        description="how far clients may raise settings: `load.max_faces=1e7, study.trials=1000`; by default "
+        "`load.max_faces`, `load.max_points` and `load.max_archive_expansion` cannot be raised",
     )
     webhook_networks: str = Field(
         "", description="private networks that webhooks may reach: `10.1.0.0/16, 127.0.0.0/8`"
@@ -92,6 +99,12 @@ class ServiceSettings(BaseSettings):
             ip_network(word)  # raises ValueError with the reason
         return networks
 
+    @field_validator("setting_ceilings", mode="after")
+    @classmethod
+    def _are_ceilings(cls, text: str) -> str:
+        read_ceilings(text)  # raises ValueError with the reason
+        return text
+
     @field_validator("worker_id", mode="after")
     @classmethod
     def _has_a_name(cls, name: str, others: ValidationInfo) -> str:
@@ -112,6 +125,11 @@ class ServiceSettings(BaseSettings):
     def _absolute(cls, data_dir: Path) -> Path:
         """Jobs run in folders of their own, where a relative path would be wrong."""
         return data_dir.expanduser().absolute()
+
+    @property
+    def ceilings(self) -> dict[str, float]:
+        """Ceilings of settings of jobs, by `section.name`."""
+        return read_ceilings(self.setting_ceilings)
 
     @property
     def is_exposed(self) -> bool:

@@ -30,7 +30,7 @@ from service.contract.errors import (
     UnsupportedMediaType,
 )
 from service.contract.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
-from service.contract.options import invalid_request, parse_options, read_json
+from service.contract.options import check_ceilings, invalid_request, parse_options, read_json
 from service.contract.schemas import (
     Blob,
     BlobRef,
@@ -121,6 +121,7 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Sub
             raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
     options = parse_options(_text(form, "options", "{}"))
     check_options(job_type, options)
+    check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
     _check_room(api, caller, key)
@@ -139,6 +140,7 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
     check_meshes(job_type, given)
     options = parse_options(given.pop("options", {}))
     check_options(job_type, options)
+    check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     try:
         job = REQUESTS[job_type].model_validate(given)

@@ -362,6 +362,9 @@ class Limits(Response):
     parallel_jobs: int = Field(description="jobs that run at the same time")
     job_types: list[str] = Field(description="values of `type` that this version supports")
     formats: list[str] = Field(description="supported mesh formats")
+    setting_ceilings: dict[str, float] = Field(
+        description="how far `options.settings` may raise a setting (`section.name`); beyond: invalid_options"
+    )
 
 
 class SandboxMeasures(Response):

@@ -34,6 +34,7 @@ OTHERS: dict[str, list[Any]] = {
             "parallel_jobs": 2,
             "job_types": ["registration", "landmarks", "study"],
             "formats": [each.value for each in Format],
+            "setting_ceilings": {"load.max_faces": 5000000.0, "load.max_archive_expansion": 200.0},
         }
     ],
     "Version": [{"name": "cusp", "version": VERSION, "schema_version": "1"}],

@@ -79,4 +79,5 @@ def limits(api: UseApi, _: Reads) -> Limits:
         parallel_jobs=api.settings.jobs,
         job_types=list(JOB_TYPES),
         formats=[each.value for each in Format],
+        setting_ceilings=api.settings.ceilings,
     )
