@@ -67,6 +67,9 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),
+    errors.JobFinal(
+        f"job {JOB_ID} is successful; its results are kept. To remove it: DELETE /v1/jobs/{JOB_ID}"
+    ),
     errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
     errors.QueueFull("20000 jobs are waiting; send it again later"),
     errors.NotReady("no worker is alive; jobs are accepted and wait for one"),

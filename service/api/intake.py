@@ -71,13 +71,14 @@ class Submission:
     job_type: JobType
     inputs: dict[str, Any]
     options: Options
+    sent_options: Any  # as the client sent them, without defaults: those may change with the version
 
     def sha256(self) -> str:
-        """Hash of the content of the meshes, their file name suffixes, the type and the options."""
+        """Hash of the content of the meshes, their file name suffixes, the type and the options as sent."""
         meshes = {
             name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()
         }
-        parts = [self.job_type, meshes, self.options.model_dump(mode="json")]
+        parts = [self.job_type, meshes, self.sent_options]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -119,7 +120,8 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Sub
     for name in given:
         if name not in known:
             raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
-    options = parse_options(_text(form, "options", "{}"))
+    sent = read_json(_text(form, "options", "{}"), "options")
+    options = parse_options(sent)
     check_options(job_type, options)
     check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
@@ -127,7 +129,7 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Sub
     _check_room(api, caller, key)
     blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
-    return Submission(job_type, inputs, options)
+    return Submission(job_type, inputs, options, sent)
 
 
 def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submission:
@@ -138,7 +140,9 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
         )
     job_type = parse_type(given.get("type", "registration"))
     check_meshes(job_type, given)
-    options = parse_options(given.pop("options", {}))
+    sent = given.pop("options", {})
+    sent = read_json(sent, "options") if isinstance(sent, str) else sent
+    options = parse_options(sent)
     check_options(job_type, options)
     check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
@@ -151,7 +155,7 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
         if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
     _check_room(api, caller, key)
-    return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options, sent)
 
 
 def _store(api: Api, caller: Caller, key: str | None, submission: Submission) -> JobRow:

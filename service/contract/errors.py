@@ -83,6 +83,10 @@ class JobNotFinal(ServiceError):
     retry_after_s = 1
 
 
+class JobFinal(ServiceError):
+    code = "job_final"
+
+
 class JobDismissed(ServiceError):
     code = "job_dismissed"
 
@@ -165,6 +169,7 @@ TABLE: dict[type[Exception], Row] = {
     JobNotFound: Row(404, "The job does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
     JobNotFinal: Row(409, "The job has no results yet"),
+    JobFinal: Row(409, "The job has ended and cannot be cancelled"),
     JobDismissed: Row(409, "The job was dismissed and has no results"),
     # the server
     QueueFull: Row(503, "The queue is full"),

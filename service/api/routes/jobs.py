@@ -22,7 +22,7 @@ from service.api.intake import accept_job
 from service.api.problems import problem_response, problems
 from service.api.request_bodies import JOB_BODY
 from service.auth.keys import Caller
-from service.contract.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
+from service.contract.errors import FileNotInJob, JobDismissed, JobFinal, JobNotFinal, JobNotFound
 from service.contract.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobType, Results, Status
 from service.jobs.models import JobRow
 from service.jobs.views import files_of, job_of
@@ -42,6 +42,11 @@ REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 )
 WAIT_POLL_S = 0.1
+#: Of a DELETE that cancels without `cancel=true`: deprecated (RFC 9745) since 2026-11-27, removed in 0.3.
+CANCELLED_BY_DELETE = {
+    "Deprecation": "@1795737600",
+    "Link": '</docs#/jobs>; rel="deprecation"; type="text/html"',
+}
 NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 log = structlog.get_logger()
 
@@ -221,17 +226,64 @@ def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
     return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
 
 
-@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
-def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
-    """Dismiss a waiting or running job; remove a final job with its results."""
+@router.post("/{job_id}/cancel", responses=problems(401, 403, 404, 409, 429))
+def cancel(job_id: JobId, api: UseApi, caller: Writes) -> Job:
+    """Cancel a waiting or running job. Never removes results: 409 if the job has ended meanwhile.
+
+    To cancel a job that is dismissed already does nothing.
+    """
+    row = api.job(job_id, caller)
+    if row.status.is_final and row.status is not Status.DISMISSED:
+        raise JobFinal(
+            f"job {job_id} is {row.status}; its results are kept. To remove it: DELETE /v1/jobs/{job_id}"
+        )
+    if row.status is not Status.DISMISSED and not api.jobs.dismiss(job_id, row.status):
+        return cancel(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
+    return job_of(api.job(job_id, caller))
+
+
+@router.delete(
+    "/{job_id}",
+    status_code=204,
+    response_class=Response,
+    responses={
+        204: {
+            "headers": {
+                "Deprecation": {
+                    "description": "a job that had not ended was cancelled without `cancel=true`: use "
+                    "POST /v1/jobs/{job_id}/cancel",
+                    "schema": {"type": "string"},
+                }
+            }
+        },
+        **problems(401, 403, 404, 409, 422, 429),
+    },
+)
+def dismiss(
+    job_id: JobId,
+    api: UseApi,
+    caller: Writes,
+    cancel: Annotated[
+        bool | None,
+        Query(
+            description="also cancel a job that has not ended; `false`: refuse then (409). Without it such a "
+            "job is cancelled too, which is deprecated"
+        ),
+    ] = None,
+) -> Response:
+    """Remove a job that has ended, with its results. One that has not ended is cancelled, with `cancel`."""
     row = api.jobs.find(job_id, caller.tenant)
     if row is None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
         api.jobs.remove(job_id)
         api.blobs.remove_results(job_id)  # on each call: an earlier one may have been interrupted
-    elif not api.jobs.dismiss(job_id, row.status):
-        dismiss(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
+        return Response(status_code=204)
+    if cancel is False:
+        raise JobNotFinal(f"job {job_id} is {row.status}; cancel it, or remove it when it is final")
+    if not api.jobs.dismiss(job_id, row.status):
+        return dismiss(job_id, api, caller, cancel)  # its status changed meanwhile; decide again
+    return Response(status_code=204, headers=CANCELLED_BY_DELETE if cancel is None else {})
 
 
 async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
