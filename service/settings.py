@@ -51,7 +51,10 @@ class ServiceSettings(BaseSettings):
         720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: no limit"
     )
     min_free_disk_mib: int = Field(
-        1024, ge=0, description="with less free space on the data volume /readyz answers not_ready"
+        1024,
+        ge=0,
+        description="free space kept on the data volume: with less /readyz answers not_ready, and uploads "
+        "are refused (storage_full)",
     )
     setting_ceilings: str = Field(
         "",
@@ -68,6 +71,9 @@ class ServiceSettings(BaseSettings):
         15_000,
         ge=1,
         description="limit of waiting jobs of one tenant; beyond it, jobs are refused (tenant_queue_full)",
+    )
+    tenant_quota_mib: int = Field(
+        0, ge=0, description="limit of stored meshes and results of a tenant (quota_exceeded); 0: no limit"
     )
     rate_limit_per_s: int = Field(
         1000,

@@ -71,6 +71,14 @@ SERVICE_ERRORS: list[ServiceError] = [
         f"job {JOB_ID} is successful; its results are kept. To remove it: DELETE /v1/jobs/{JOB_ID}"
     ),
     errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
+    errors.QuotaExceeded(
+        "meshes and results of this tenant take 10180 MiB of 10240; remove jobs that are no longer needed, "
+        "or wait for retention"
+    ),
+    errors.StorageFull(
+        "871 MiB are free on the data volume of the service, of which 1024 are kept free; send it again "
+        "later, or tell the operator"
+    ),
     errors.QueueFull("20000 jobs are waiting; send it again later"),
     errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
     errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),

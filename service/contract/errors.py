@@ -114,6 +114,16 @@ class QueueFull(ServiceError):
     retry_after_s = 30
 
 
+class QuotaExceeded(ServiceError):
+    code = "quota_exceeded"
+    retry_after_s = 300
+
+
+class StorageFull(ServiceError):
+    code = "storage_full"
+    retry_after_s = 60
+
+
 class NotReady(ServiceError):
     code = "not_ready"
     retry_after_s = 5
@@ -173,6 +183,8 @@ TABLE: dict[type[Exception], Row] = {
     JobDismissed: Row(409, "The job was dismissed and has no results"),
     # the server
     QueueFull: Row(503, "The queue is full"),
+    QuotaExceeded: Row(507, "The storage quota of the tenant is used up"),
+    StorageFull: Row(507, "The service has no room for the upload"),
     NotReady: Row(503, "The service is not ready"),
     InternalError: Row(500, "Internal error"),
     # the child process of a job

@@ -356,6 +356,11 @@ class Limits(Response):
     tenant_queue_limit: int = Field(
         description="limit of waiting jobs of one tenant; beyond it, jobs are refused with tenant_queue_full"
     )
+    tenant_quota_mib: int = Field(
+        description="limit of stored meshes and results of a tenant; beyond it, uploads and jobs are refused "
+        "with quota_exceeded; 0: no limit"
+    )
+    tenant_stored_mib: float = Field(description="meshes and results that the caller's tenant has stored")
     rate_limit_per_s: int = Field(
         description="limit of requests per second of one key or address; 0: no limit"
     )

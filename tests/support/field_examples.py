@@ -30,6 +30,8 @@ OTHERS: dict[str, list[Any]] = {
             "job_disk_limit_mib": 4096,
             "queue_limit": 20000,
             "tenant_queue_limit": 15000,
+            "tenant_quota_mib": 10240,
+            "tenant_stored_mib": 1843.217,
             "rate_limit_per_s": 1000,
             "parallel_jobs": 2,
             "job_types": ["registration", "landmarks", "study"],

@@ -52,7 +52,10 @@ log = structlog.get_logger()
 
 
 @router.post(
-    "", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY
+    "",
+    status_code=202,
+    responses=problems(400, 401, 403, 413, 415, 422, 429, 503, 507),
+    openapi_extra=JOB_BODY,
 )
 async def submit(
     request: Request,
