@@ -13,7 +13,7 @@ from service.api.middleware.body_limit import BodyLimit
 from service.api.middleware.gunzip import Gunzip
 from service.api.middleware.request_log import RequestLog
 from service.api.openapi import describe
-from service.api.routes import blobs, jobs, page, service
+from service.api.routes import blobs, deliveries, jobs, page, service
 from service.auth.keys import KeyStore
 from service.auth.rate_limit import Rates
 from service.jobs.metrics import Metrics
@@ -49,6 +49,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     # routers
     app.include_router(jobs.router)
     app.include_router(blobs.router)
+    app.include_router(deliveries.router)
     app.include_router(service.router)
     app.include_router(page.router)
     app.router.routes.append(page.assets)

@@ -74,6 +74,10 @@ class JobNotFound(ServiceError):
     code = "job_not_found"
 
 
+class DeliveryNotFound(ServiceError):
+    code = "delivery_not_found"
+
+
 class FileNotInJob(ServiceError):
     code = "file_not_found"
 
@@ -177,6 +181,7 @@ TABLE: dict[type[Exception], Row] = {
     NotFound: Row(404, "The address does not exist"),
     MethodNotAllowed: Row(405, "The method is not allowed at this address"),
     JobNotFound: Row(404, "The job does not exist"),
+    DeliveryNotFound: Row(404, "The message does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
     JobNotFinal: Row(409, "The job has no results yet"),
     JobFinal: Row(409, "The job has ended and cannot be cancelled"),

@@ -316,6 +316,7 @@ class Delivery(Response):
     """A message to a job's webhook."""
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
+    job: str = Field(description="`id` of the job")
     event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
     url: str = Field(description="address of the receiver")
     state: DeliveryState = Field(description="state of the message")
@@ -324,7 +325,7 @@ class Delivery(Response):
 
 
 class DeliveryList(Response):
-    """Messages to a job's webhook, oldest first."""
+    """Messages to webhooks."""
 
     deliveries: list[Delivery] = Field(description="the messages")
 

@@ -63,6 +63,7 @@ OTHERS: dict[str, list[Any]] = {
     "Delivery": [
         {
             "id": "msg_01a2019a66857220",
+            "job": JOB_ID,
             "event": "job.successful",
             "url": "https://mes.example.com/hooks/cusp",
             "state": "delivered",

@@ -22,14 +22,34 @@ from service.api.intake import accept_job
 from service.api.problems import problem_response, problems
 from service.api.request_bodies import JOB_BODY
 from service.auth.keys import Caller
-from service.contract.errors import FileNotInJob, JobDismissed, JobFinal, JobNotFinal, JobNotFound
-from service.contract.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobType, Results, Status
+from service.contract.errors import (
+    DeliveryNotFound,
+    FileNotInJob,
+    JobDismissed,
+    JobFinal,
+    JobNotFinal,
+    JobNotFound,
+)
+from service.contract.schemas import (
+    NO_NUL,
+    Delivery,
+    DeliveryList,
+    FileList,
+    Job,
+    JobPage,
+    JobType,
+    Results,
+    Status,
+)
 from service.jobs.models import JobRow
 from service.jobs.views import files_of, job_of
-from service.webhooks.outbox import delivery_list
+from service.webhooks.outbox import delivery_list, delivery_of
 
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
 FileName = Annotated[str, Path(description="as in the list of files", examples=["report.html"])]
+MessageId = Annotated[
+    str, Path(description="`id` of the message", examples=["msg_01a2019a66857220"], pattern=NO_NUL)
+]
 ReferenceText = Annotated[
     str | None,
     Query(max_length=100, pattern=NO_NUL, description="select by this value of `options.reference`"),
@@ -227,6 +247,19 @@ def download(job_id: JobId, name: FileName, request: Request, api: UseApi, calle
 def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
     """List the messages to the webhook of a job, with their delivery attempts."""
     return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
+
+
+@router.post(
+    "/{job_id}/deliveries/{message}/redeliver", status_code=202, responses=problems(401, 403, 404, 429)
+)
+def redeliver(job_id: JobId, message: MessageId, api: UseApi, caller: Writes) -> Delivery:
+    """Send a message to the webhook of a job again, also one that was given up or delivered."""
+    row = api.deliveries.redeliver(api.job(job_id, caller).id, message)
+    if row is None:
+        raise DeliveryNotFound(
+            f"job {job_id} has no message {message[:80]!r}; see /v1/jobs/{job_id}/deliveries"
+        )
+    return delivery_of(row)
 
 
 @router.post("/{job_id}/cancel", responses=problems(401, 403, 404, 409, 429))
