@@ -75,6 +75,11 @@ class ServiceSettings(BaseSettings):
     tenant_quota_mib: int = Field(
         0, ge=0, description="limit of stored meshes and results of a tenant (quota_exceeded); 0: no limit"
     )
+    tenant_watcher_limit: int = Field(
+        5000,
+        ge=1,
+        description="limit of long polls and event streams of a tenant, for each API (too_many_watchers)",
+    )
     rate_limit_per_s: int = Field(
         1000,
         ge=0,

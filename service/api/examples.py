@@ -45,6 +45,9 @@ SERVICE_ERRORS: list[ServiceError] = [
         "type 'segment': this version supports registration, landmarks, study; the default is the first"
     ),
     errors.RateLimited("more than 1000 requests per second; send it again in 1 s"),
+    errors.TooManyWatchers(
+        "5000 requests of this tenant wait for jobs; poll without `wait`, or use webhooks"
+    ),
     errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
     errors.PayloadTooLarge(

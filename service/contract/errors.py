@@ -108,6 +108,11 @@ class RateLimited(ServiceError):
     retry_after_s = 1
 
 
+class TooManyWatchers(ServiceError):
+    code = "too_many_watchers"
+    retry_after_s = 5
+
+
 class TenantQueueFull(ServiceError):
     code = "tenant_queue_full"
     retry_after_s = 30
@@ -176,6 +181,7 @@ TABLE: dict[type[Exception], Row] = {
     Unauthorized: Row(401, "An API key is needed"),
     Forbidden: Row(403, "The API key does not allow this"),
     RateLimited: Row(429, "Too many requests"),
+    TooManyWatchers: Row(429, "Too many requests of this tenant wait for jobs"),
     TenantQueueFull: Row(429, "Too many jobs of this tenant are waiting"),
     # the address
     NotFound: Row(404, "The address does not exist"),

@@ -1,6 +1,5 @@
 """Jobs: start, list, watch, download, dismiss."""
 
-import asyncio
 import re
 import time
 from collections.abc import AsyncIterable
@@ -61,7 +60,6 @@ MAX_WAIT_S = 60
 REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 )
-WAIT_POLL_S = 0.1
 #: Of a DELETE that cancels without `cancel=true`: deprecated (RFC 9745) since 2026-11-27, removed in 0.3.
 CANCELLED_BY_DELETE = {
     "Deprecation": "@1795737600",
@@ -177,8 +175,10 @@ async def status(
 
 
 def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
-    """Look the job up before the stream starts, so that a wrong id is a 404."""
-    return api.job(job_id, caller)
+    """Look the job up before the stream starts, so that a wrong id is a 404, and one too many a 429."""
+    row = api.job(job_id, caller)
+    api.watch.check_room(caller.tenant)
+    return row
 
 
 @router.get(
@@ -187,22 +187,24 @@ def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
     responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
 )
 async def events(
-    job_id: JobId, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
+    job_id: JobId, api: UseApi, caller: Reads, first: Annotated[JobRow, Depends(_existing)]
 ) -> AsyncIterable[ServerSentEvent]:
     """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
-    sent = None
-    while True:
-        try:
-            row = await run_in_threadpool(api.job, job_id, caller)
-        except JobNotFound:  # removed meanwhile
-            return
-        job = job_of(row)
-        if job != sent:
-            sent = job
-            yield ServerSentEvent(event="status", data=job.model_dump(mode="json"))
-        if job.is_final:
-            return
-        await asyncio.sleep(WAIT_POLL_S)
+    sent = job_of(first).model_dump_json()
+    yield ServerSentEvent(event="status", raw_data=sent)
+    if first.status.is_final:
+        return
+    async with api.watch.of(job_id, caller.tenant) as watched:
+        version = 0
+        while await watched.newer(version):
+            version = watched.version
+            if watched.row is None:  # removed meanwhile
+                return
+            if (now := watched.as_json()) != sent:
+                sent = now
+                yield ServerSentEvent(event="status", raw_data=sent)
+            if watched.row.status.is_final:
+                return
 
 
 @router.get(
@@ -323,12 +325,19 @@ def dismiss(
 
 
 async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
-    deadline = time.monotonic() + seconds
-    while True:
-        row = await run_in_threadpool(api.job, job_id, caller)
-        if row.status.is_final or time.monotonic() >= deadline:
-            return row
-        await asyncio.sleep(WAIT_POLL_S)
+    row = await run_in_threadpool(api.job, job_id, caller)
+    if row.status.is_final or not seconds:
+        return row
+    deadline, version = time.monotonic() + seconds, 0
+    async with api.watch.of(job_id, caller.tenant) as watched:
+        while await watched.newer(version, max(0.0, deadline - time.monotonic())):
+            version = watched.version
+            if watched.row is None:
+                raise JobNotFound(f"no job has the id {job_id!r}; it was removed meanwhile")
+            row = watched.row
+            if row.status.is_final:
+                break
+    return row
 
 
 def _seconds_to_wait(prefer: str | None) -> int:
