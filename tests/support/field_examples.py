@@ -47,6 +47,42 @@ OTHERS: dict[str, list[Any]] = {
             "missing": ["system calls: they are not filtered (libseccomp.so.2 is not installed)"],
         }
     ],
+    "Acceptance": [
+        {
+            **{"lower_mm": -0.2, "upper_mm": 0.3, "min_within": 0.95, "max_deviation_mm": 0.6},
+            **{"min_coverage": 0.8, "min_confidence": 0.9, "patch_mm": 2.0, "uncertainty_mm": 0.02},
+        },
+        {"tolerance_mm": 0.2},
+    ],
+    "RegionLimits": [
+        {
+            **{"name": "rim", "region": {"kind": "segments", "segments": [3, 4]}, "tolerance_mm": 0.1},
+            **{"lower_mm": -0.1, "upper_mm": 0.1, "min_within": 0.95, "max_deviation_mm": 0.3},
+        }
+    ],
+    "Box": [{"kind": "box", "min_mm": [0, 0, 0], "max_mm": [10, 10, 5]}],
+    "Sphere": [{"kind": "sphere", "centre_mm": [12, 4, 0], "radius_mm": 6}],
+    "Cylinder": [{"kind": "cylinder", "start_mm": [0, 0, 0], "end_mm": [0, 0, 20], "radius_mm": 4}],
+    "Segments": [{"kind": "segments", "segments": [3, 4]}],
+    "Faces": [{"kind": "faces", "faces": [0, 1, 2, 3]}],
+    "PointLimits": [
+        {
+            **{"name": "P1", "position_mm": [10, 10, 0], "normal": [0, 0, 1], "radius_mm": 2},
+            **{"tolerance_mm": 0.1, "lower_mm": -0.1, "upper_mm": 0.1},
+        }
+    ],
+    "DistanceLimits": [
+        {
+            **{"name": "width", "first": "P1", "second": "P2", "tolerance_mm": 0.1},
+            **{"lower_mm": -0.1, "upper_mm": 0.1},
+        }
+    ],
+    "Reference": [
+        {
+            **{"part_number": "BR-7", "serial": "A-17", "batch": "2026-11", "order": "4711", "machine": "SLA 2"},
+            **{"operator": "jd", "gauge": "scanner 3", "more": {"shift": "2"}},
+        }
+    ],
     "Health": [{"status": "ok"}],
     "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
     "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],
