@@ -10,6 +10,8 @@ from typing import Literal
 from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from service.ceilings import read_ceilings
+
 MIB = 1024 * 1024
 
 
@@ -49,7 +51,15 @@ class ServiceSettings(BaseSettings):
         720, ge=0, description="hours that final jobs, their files and unused meshes are kept; 0: no limit"
     )
     min_free_disk_mib: int = Field(
-        1024, ge=0, description="with less free space on the data volume /readyz answers not_ready"
+        1024,
+        ge=0,
+        description="free space kept on the data volume: with less /readyz answers not_ready, and uploads "
+        "are refused (storage_full)",
+    )
+    setting_ceilings: str = Field(
+        "",
+        description="how far clients may raise settings: `load.max_faces=1e7, study.trials=1000`; by default "
+        "`load.max_faces`, `load.max_points` and `load.max_archive_expansion` cannot be raised",
     )
     webhook_networks: str = Field(
         "", description="private networks that webhooks may reach: `10.1.0.0/16, 127.0.0.0/8`"
@@ -61,6 +71,14 @@ class ServiceSettings(BaseSettings):
         15_000,
         ge=1,
         description="limit of waiting jobs of one tenant; beyond it, jobs are refused (tenant_queue_full)",
+    )
+    tenant_quota_mib: int = Field(
+        0, ge=0, description="limit of stored meshes and results of a tenant (quota_exceeded); 0: no limit"
+    )
+    tenant_watcher_limit: int = Field(
+        5000,
+        ge=1,
+        description="limit of long polls and event streams of a tenant, for each API (too_many_watchers)",
     )
     rate_limit_per_s: int = Field(
         1000,
@@ -92,6 +110,12 @@ class ServiceSettings(BaseSettings):
             ip_network(word)  # raises ValueError with the reason
         return networks
 
+    @field_validator("setting_ceilings", mode="after")
+    @classmethod
+    def _are_ceilings(cls, text: str) -> str:
+        read_ceilings(text)  # raises ValueError with the reason
+        return text
+
     @field_validator("worker_id", mode="after")
     @classmethod
     def _has_a_name(cls, name: str, others: ValidationInfo) -> str:
@@ -112,6 +136,11 @@ class ServiceSettings(BaseSettings):
     def _absolute(cls, data_dir: Path) -> Path:
         """Jobs run in folders of their own, where a relative path would be wrong."""
         return data_dir.expanduser().absolute()
+
+    @property
+    def ceilings(self) -> dict[str, float]:
+        """Ceilings of settings of jobs, by `section.name`."""
+        return read_ceilings(self.setting_ceilings)
 
     @property
     def is_exposed(self) -> bool:

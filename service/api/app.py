@@ -9,11 +9,13 @@ from service import version
 from service.api import problems
 from service.api.dependencies import Api
 from service.api.digests import DigestCheck
+from service.api.job_watch import JobWatch
 from service.api.middleware.body_limit import BodyLimit
 from service.api.middleware.gunzip import Gunzip
 from service.api.middleware.request_log import RequestLog
 from service.api.openapi import describe
-from service.api.routes import blobs, jobs, page, service
+from service.api.routes import blobs, deliveries, page, service
+from service.api.routes import jobs as job_routes
 from service.auth.keys import KeyStore
 from service.auth.rate_limit import Rates
 from service.jobs.metrics import Metrics
@@ -33,22 +35,27 @@ def create_app(settings: ServiceSettings) -> FastAPI:
         engine = open_database(settings.database)
         with ExitStack() as stack:
             stack.callback(engine.dispose)
+            jobs = JobStore(engine)
+            watch = JobWatch(jobs, settings.tenant_watcher_limit)
             app.state.api = Api(
                 settings,
-                JobStore(engine),
+                jobs,
                 BlobStore(settings.blobs),
                 KeyStore(engine),
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),
                 Guard.of(settings.webhook_networks),
                 Rates(settings.rate_limit_per_s),
+                watch,
             )
             yield
+            await watch.close()
 
-    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, redoc_url=None)
+    app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, docs_url=None, redoc_url=None)
     # routers
-    app.include_router(jobs.router)
+    app.include_router(job_routes.router)
     app.include_router(blobs.router)
+    app.include_router(deliveries.router)
     app.include_router(service.router)
     app.include_router(page.router)
     app.router.routes.append(page.assets)

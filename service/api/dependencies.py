@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from service.api.job_watch import JobWatch
 from service.auth.keys import Caller, KeyStore
 from service.auth.rate_limit import Rates
 from service.contract.errors import JobNotFound
@@ -29,6 +30,7 @@ class Api:
     deliveries: Deliveries
     guard: Guard
     rates: Rates
+    watch: JobWatch
 
     def job(self, job_id: str, caller: Caller) -> JobRow:
         """The caller's job. Raises JobNotFound, also for a job of another tenant."""

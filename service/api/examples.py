@@ -45,6 +45,9 @@ SERVICE_ERRORS: list[ServiceError] = [
         "type 'segment': this version supports registration, landmarks, study; the default is the first"
     ),
     errors.RateLimited("more than 1000 requests per second; send it again in 1 s"),
+    errors.TooManyWatchers(
+        "5000 requests of this tenant wait for jobs; poll without `wait`, or use webhooks"
+    ),
     errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
     errors.PayloadTooLarge(
@@ -65,9 +68,21 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.NotFound("/v1/job does not exist; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
+    errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),
+    errors.JobFinal(
+        f"job {JOB_ID} is successful; its results are kept. To remove it: DELETE /v1/jobs/{JOB_ID}"
+    ),
     errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
+    errors.QuotaExceeded(
+        "meshes and results of this tenant take 10180 MiB of 10240; remove jobs that are no longer needed, "
+        "or wait for retention"
+    ),
+    errors.StorageFull(
+        "871 MiB are free on the data volume of the service, of which 1024 are kept free; send it again "
+        "later, or tell the operator"
+    ),
     errors.QueueFull("20000 jobs are waiting; send it again later"),
     errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
     errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),

@@ -18,6 +18,7 @@ from starlette.datastructures import FormData, UploadFile
 
 from pipeline import detect_format
 from service.api.dependencies import Api
+from service.api.storage_room import check_disk, check_quota
 from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
 from service.contract.errors import (
@@ -30,7 +31,7 @@ from service.contract.errors import (
     UnsupportedMediaType,
 )
 from service.contract.job_types import ALL_MESHES, MESHES, check_meshes, check_options, parse_type, wrong_part
-from service.contract.options import invalid_request, parse_options, read_json
+from service.contract.options import check_ceilings, invalid_request, parse_options, read_json
 from service.contract.schemas import (
     Blob,
     BlobRef,
@@ -71,13 +72,14 @@ class Submission:
     job_type: JobType
     inputs: dict[str, Any]
     options: Options
+    sent_options: Any  # as the client sent them, without defaults: those may change with the version
 
     def sha256(self) -> str:
-        """Hash of the content of the meshes, their file name suffixes, the type and the options."""
+        """Hash of the content of the meshes, their file name suffixes, the type and the options as sent."""
         meshes = {
             name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()
         }
-        parts = [self.job_type, meshes, self.options.model_dump(mode="json")]
+        parts = [self.job_type, meshes, self.sent_options]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -85,8 +87,10 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
     """Read a multipart or JSON request, store the job, queue it. key : the client's `Idempotency-Key`"""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == "multipart/form-data":
+        size = _announced_bytes(request)
+        await run_in_threadpool(check_disk, api, size)  # before the form is read
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
-            submission = await run_in_threadpool(_from_form, api, caller, form, key)
+            submission = await run_in_threadpool(_from_form, api, caller, form, key, size)
     elif kind == "application/json":
         submission = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
     else:
@@ -99,6 +103,9 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
 
 async def accept_blob(request: Request, api: Api, caller: Caller, filename: str | None) -> Blob:
     """Stream a request's body into a blob."""
+    size = _announced_bytes(request)
+    await run_in_threadpool(check_disk, api, size)
+    await run_in_threadpool(check_quota, api, caller, size)
     writer = await run_in_threadpool(api.blobs.writer)
     try:
         async for chunk in request.stream():
@@ -111,7 +118,13 @@ async def accept_blob(request: Request, api: Api, caller: Caller, filename: str 
     return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
-def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Submission:
+def _announced_bytes(request: Request) -> int:
+    """`Content-Length`; 0 where it is not sent, or not a number."""
+    given = request.headers.get("content-length", "")
+    return int(given) if given.isascii() and given.isdecimal() else 0
+
+
+def _from_form(api: Api, caller: Caller, form: FormData, key: str | None, size: int) -> Submission:
     job_type = parse_type(_text(form, "type", "registration"))
     given = sorted({name for name, _ in form.multi_items()})
     check_meshes(job_type, given)
@@ -119,14 +132,16 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None) -> Sub
     for name in given:
         if name not in known:
             raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
-    options = parse_options(_text(form, "options", "{}"))
+    sent = read_json(_text(form, "options", "{}"), "options")
+    options = parse_options(sent)
     check_options(job_type, options)
+    check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
-    _check_room(api, caller, key)
+    _check_room(api, caller, key, size)
     blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
-    return Submission(job_type, inputs, options)
+    return Submission(job_type, inputs, options, sent)
 
 
 def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submission:
@@ -137,8 +152,11 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
         )
     job_type = parse_type(given.get("type", "registration"))
     check_meshes(job_type, given)
-    options = parse_options(given.pop("options", {}))
+    sent = given.pop("options", {})
+    sent = read_json(sent, "options") if isinstance(sent, str) else sent
+    options = parse_options(sent)
     check_options(job_type, options)
+    check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     try:
         job = REQUESTS[job_type].model_validate(given)
@@ -149,7 +167,7 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
         if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
             raise UnknownBlob(f"{name}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
     _check_room(api, caller, key)
-    return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options)
+    return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options, sent)
 
 
 def _store(api: Api, caller: Caller, key: str | None, submission: Submission) -> JobRow:
@@ -250,10 +268,11 @@ def _text(form: FormData, name: str, default: str) -> str:
         raise wrong_part(name, "must be UTF-8 text") from error
 
 
-def _check_room(api: Api, caller: Caller, key: str | None) -> None:
-    """Refuse a job beyond the queue limits. A repeated request starts no job and is always answered."""
+def _check_room(api: Api, caller: Caller, key: str | None, size: int = 0) -> None:
+    """Refuse a job beyond the queue limits or the quota. A repeated request starts none and is answered."""
     if key is not None and api.jobs.knows_key(caller.tenant, key):
         return
+    check_quota(api, caller, size)
     if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
         raise TenantQueueFull(
             f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting; "

@@ -98,6 +98,12 @@ class AsyncClient:
         finally:
             partial.unlink(missing_ok=True)
 
+    async def cancel(self, job_id: str) -> Job:
+        """Cancel a waiting or running job; never removes results. Raises ServiceProblem `job_final` if it has
+        ended.
+        """
+        return await self._do(calls.cancel(job_id))
+
     async def dismiss(self, job_id: str) -> None:
         """Dismiss a waiting or running job; remove a final one."""
         await self._do(calls.dismiss(job_id))

@@ -168,9 +168,13 @@ def files(job_id: str) -> Call[list[FileEntry]]:
     )
 
 
+def cancel(job_id: str) -> Call[Job]:
+    return Call("POST", f"/v1/jobs/{job_id}/cancel", _job)
+
+
 def dismiss(job_id: str) -> Call[None]:
     """Not repeatable: a second call would remove the job that the first one stopped."""
-    return Call("DELETE", f"/v1/jobs/{job_id}", lambda _: None, is_repeatable=False)
+    return Call("DELETE", f"/v1/jobs/{job_id}?cancel=true", lambda _: None, is_repeatable=False)
 
 
 def connection(server: str, api_key: str | None, *, keep_alive: bool = True) -> dict[str, Any]:

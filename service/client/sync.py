@@ -183,6 +183,12 @@ class Client:
         finally:
             partial.unlink(missing_ok=True)
 
+    def cancel(self, job_id: str) -> Job:
+        """Cancel a waiting or running job; never removes results. Raises ServiceProblem `job_final` if it has
+        ended.
+        """
+        return self._do(calls.cancel(job_id))
+
     def dismiss(self, job_id: str) -> None:
         """Dismiss a waiting or running job; remove a final one."""
         self._do(calls.dismiss(job_id))

@@ -74,6 +74,10 @@ class JobNotFound(ServiceError):
     code = "job_not_found"
 
 
+class DeliveryNotFound(ServiceError):
+    code = "delivery_not_found"
+
+
 class FileNotInJob(ServiceError):
     code = "file_not_found"
 
@@ -81,6 +85,10 @@ class FileNotInJob(ServiceError):
 class JobNotFinal(ServiceError):
     code = "job_not_final"
     retry_after_s = 1
+
+
+class JobFinal(ServiceError):
+    code = "job_final"
 
 
 class JobDismissed(ServiceError):
@@ -100,6 +108,11 @@ class RateLimited(ServiceError):
     retry_after_s = 1
 
 
+class TooManyWatchers(ServiceError):
+    code = "too_many_watchers"
+    retry_after_s = 5
+
+
 class TenantQueueFull(ServiceError):
     code = "tenant_queue_full"
     retry_after_s = 30
@@ -108,6 +121,16 @@ class TenantQueueFull(ServiceError):
 class QueueFull(ServiceError):
     code = "queue_full"
     retry_after_s = 30
+
+
+class QuotaExceeded(ServiceError):
+    code = "quota_exceeded"
+    retry_after_s = 300
+
+
+class StorageFull(ServiceError):
+    code = "storage_full"
+    retry_after_s = 60
 
 
 class NotReady(ServiceError):
@@ -158,16 +181,21 @@ TABLE: dict[type[Exception], Row] = {
     Unauthorized: Row(401, "An API key is needed"),
     Forbidden: Row(403, "The API key does not allow this"),
     RateLimited: Row(429, "Too many requests"),
+    TooManyWatchers: Row(429, "Too many requests of this tenant wait for jobs"),
     TenantQueueFull: Row(429, "Too many jobs of this tenant are waiting"),
     # the address
     NotFound: Row(404, "The address does not exist"),
     MethodNotAllowed: Row(405, "The method is not allowed at this address"),
     JobNotFound: Row(404, "The job does not exist"),
+    DeliveryNotFound: Row(404, "The message does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
     JobNotFinal: Row(409, "The job has no results yet"),
+    JobFinal: Row(409, "The job has ended and cannot be cancelled"),
     JobDismissed: Row(409, "The job was dismissed and has no results"),
     # the server
     QueueFull: Row(503, "The queue is full"),
+    QuotaExceeded: Row(507, "The storage quota of the tenant is used up"),
+    StorageFull: Row(507, "The service has no room for the upload"),
     NotReady: Row(503, "The service is not ready"),
     InternalError: Row(500, "Internal error"),
     # the child process of a job

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import JsonValue, ValidationError
 
 from pipeline import Settings
+from service.ceilings import setting_value
 from service.contract.errors import BadRequest, InvalidOptions, InvalidRequest
 from service.contract.schemas import Options, ProblemItem
 
@@ -48,6 +49,22 @@ def resolve_settings(options: Options) -> Settings:
     if options.study is not None:
         settings = _merged(settings, {"study": options.study.model_dump(exclude_unset=True)})
     return Settings.model_validate(settings)
+
+
+def check_ceilings(options: Options, ceilings: Mapping[str, float]) -> None:
+    """Raise InvalidOptions, with the ceiling, for each setting above it."""
+    settings = resolve_settings(options)
+    items = []
+    for name, ceiling in ceilings.items():
+        value = setting_value(settings, name)
+        if value is not None and value > ceiling:
+            section, _, field = name.partition(".")
+            where = f"/options/settings/{section}/{field}"
+            if section == "study" and options.study is not None and field in options.study.model_fields_set:
+                where = f"/options/study/{field}"
+            items.append(problem_item(where, f"must be at most {ceiling:g} on this server"))
+    if items:
+        raise InvalidOptions(summarize(items), errors=items)
 
 
 def invalid_request(error: ValidationError) -> InvalidRequest:

@@ -316,6 +316,7 @@ class Delivery(Response):
     """A message to a job's webhook."""
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
+    job: str = Field(description="`id` of the job")
     event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
     url: str = Field(description="address of the receiver")
     state: DeliveryState = Field(description="state of the message")
@@ -324,7 +325,7 @@ class Delivery(Response):
 
 
 class DeliveryList(Response):
-    """Messages to a job's webhook, oldest first."""
+    """Messages to webhooks."""
 
     deliveries: list[Delivery] = Field(description="the messages")
 
@@ -356,12 +357,20 @@ class Limits(Response):
     tenant_queue_limit: int = Field(
         description="limit of waiting jobs of one tenant; beyond it, jobs are refused with tenant_queue_full"
     )
+    tenant_quota_mib: int = Field(
+        description="limit of stored meshes and results of a tenant; beyond it, uploads and jobs are refused "
+        "with quota_exceeded; 0: no limit"
+    )
+    tenant_stored_mib: float = Field(description="meshes and results that the caller's tenant has stored")
     rate_limit_per_s: int = Field(
         description="limit of requests per second of one key or address; 0: no limit"
     )
     parallel_jobs: int = Field(description="jobs that run at the same time")
     job_types: list[str] = Field(description="values of `type` that this version supports")
     formats: list[str] = Field(description="supported mesh formats")
+    setting_ceilings: dict[str, float] = Field(
+        description="how far `options.settings` may raise a setting (`section.name`); beyond: invalid_options"
+    )
 
 
 class SandboxMeasures(Response):

@@ -111,8 +111,8 @@ class ZygoteLink:
 
     @property
     def is_alive(self) -> bool:
-        """False once its process ended."""
-        return self.process.poll() is None
+        """False once its process ended, or its end of the socket: the socket tells some moments earlier."""
+        return not self._is_deaf and self.process.poll() is None
 
     def start(self, key: str, order: dict[str, Any], progress_fd: int) -> Run:
         """Order a child. The run may be refused or lost later; `forget` it in the end.

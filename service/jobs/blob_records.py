@@ -2,10 +2,10 @@
 
 from contextlib import suppress
 
-from sqlalchemy import update
+from sqlalchemy import func, select, update
 from sqlalchemy.exc import IntegrityError
 
-from service.jobs.models import DEFAULT_TENANT, BlobRow
+from service.jobs.models import DEFAULT_TENANT, BlobRow, JobRow
 from service.jobs.table_access import TableAccess
 
 
@@ -24,6 +24,13 @@ class BlobRecords(TableAccess):
             return None
         with self._session() as session:
             return session.get(BlobRow, (tenant, blob_id))
+
+    def stored_bytes(self, tenant: str) -> int:
+        """Bytes of the meshes and results of a tenant."""
+        meshes = select(func.sum(BlobRow.size)).where(BlobRow.tenant == tenant)
+        results = select(func.sum(JobRow.result_bytes)).where(JobRow.tenant == tenant)
+        with self._session() as session:
+            return int(session.scalar(meshes) or 0) + int(session.scalar(results) or 0)
 
     def touch_blob(self, blob_id: str, tenant: str) -> bool:
         """Restart the age of a blob that a new job names; False if the tenant has no such blob."""

@@ -7,6 +7,7 @@ is lost.
 import json
 from datetime import UTC, datetime
 from typing import Any
+from urllib.parse import urlsplit
 
 import structlog
 from sqlalchemy import JSON, BigInteger, Index, String, Text
@@ -17,19 +18,34 @@ from service.contract.schemas import DeliveryState
 from service.jobs.models import Base, JobRow, new_id
 from service.jobs.views import job_of
 
+MAX_RECEIVER = 300  # characters
 log = structlog.get_logger()
+
+
+def receiver_of(url: str) -> str:
+    """`scheme://host:port`: what fails or is slow as a whole."""
+    try:
+        parts = urlsplit(url)
+        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}".lower()[:MAX_RECEIVER]
+    except ValueError:
+        return url[:MAX_RECEIVER]
 
 
 class DeliveryRow(Base):
     """A message: its content, its receiver and the result of each attempt. id : the header `webhook-id`"""
 
     __tablename__ = "deliveries"
-    __table_args__ = (Index("deliveries_due", "state", "next_ms"), Index("deliveries_by_job", "job_id", "id"))
+    __table_args__ = (
+        Index("deliveries_due", "state", "next_ms"),
+        Index("deliveries_by_job", "job_id", "id"),
+        Index("deliveries_by_tenant", "tenant", "state", "id"),
+    )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     job_id: Mapped[str] = mapped_column(String(36))
     tenant: Mapped[str] = mapped_column(String(64))
     url: Mapped[str] = mapped_column(String(2000))
+    receiver: Mapped[str] = mapped_column(String(MAX_RECEIVER), default="")
     event: Mapped[str] = mapped_column(String(32))
     body: Mapped[str] = mapped_column(Text)
     state: Mapped[str] = mapped_column(String(16))  # schemas.DeliveryState
@@ -70,6 +86,7 @@ def _message(row: JobRow, at_ms: int) -> DeliveryRow | None:
         job_id=row.id,
         tenant=row.tenant,
         url=webhook["url"],
+        receiver=receiver_of(webhook["url"]),
         event=event,
         body=json.dumps(payload, ensure_ascii=False, separators=(",", ":")),
         state=DeliveryState.WAITING,

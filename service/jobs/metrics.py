@@ -28,6 +28,7 @@ COUNTERS: dict[str, tuple[str, str]] = {
     "cusp_stage_passes": ("stage", "passages through a stage, to divide the seconds by"),
     "cusp_uploads": ("format", "meshes received"),
     "cusp_upload_bytes": ("format", "bytes of meshes received"),
+    "cusp_uploads_refused": ("reason", "uploads and jobs refused for lack of room: disk or quota"),
     "cusp_designs": ("known", "registrations by whether the analysis of their design was kept: yes or no"),
 }
 PEAK = "cusp_child_peak_mib"

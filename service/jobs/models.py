@@ -89,6 +89,7 @@ class JobRow(Base):
     part_number: Mapped[str | None] = mapped_column(String(100))
     files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
     published_attempt: Mapped[int | None]
+    result_bytes: Mapped[int] = mapped_column(BigInteger, default=0)  # of `files`
     removed_ms: Mapped[int | None] = mapped_column(BigInteger)  # set: hidden from clients, the id is kept
 
 

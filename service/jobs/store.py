@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import structlog
-from sqlalchemy import func, select
+from sqlalchemy import String, func, select, type_coerce
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from service.contract.schemas import JobType, Status
@@ -14,6 +14,7 @@ from service.jobs.queue_entries import QueueEntries, next_rank
 from service.jobs.transitions import JobTransitions
 from service.jobs.workers import WorkerRegistry
 
+ID_BATCH = 500  # of one query: databases limit its parameters
 log = structlog.get_logger()
 
 
@@ -85,6 +86,23 @@ class JobStore(JobTransitions, QueueEntries, WorkerRegistry, BlobRecords, Expiry
         with self._session() as session:
             row = session.get(JobRow, job_id)
         return row if row is None or tenant in (None, row.tenant) else None
+
+    def find_kept(self, job_id: str) -> JobRow | None:
+        """The job of any tenant; None if it is unknown or removed."""
+        row = self.find(job_id)
+        return None if row is None or row.removed_ms is not None else row
+
+    def fingerprints(self, job_ids: Sequence[str]) -> dict[str, tuple[object, ...]]:
+        """Of each job that is not removed: values that change whenever its status document does."""
+        found: dict[str, tuple[object, ...]] = {}
+        status = type_coerce(JobRow.status, String)  # a later version may have other words
+        columns = (JobRow.id, status, JobRow.stage, JobRow.progress, JobRow.message, JobRow.attempt)
+        with self._session() as session:
+            for first in range(0, len(job_ids), ID_BATCH):
+                some = job_ids[first : first + ID_BATCH]
+                query = select(*columns).where(JobRow.id.in_(some), JobRow.removed_ms.is_(None))
+                found |= {row[0]: tuple(row) for row in session.execute(query)}
+        return found
 
     def page(
         self,

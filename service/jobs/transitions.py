@@ -37,6 +37,7 @@ class JobTransitions(TableAccess):
         cleared: dict[str, Any] = {
             "removed_ms": self._clock_ms(),
             "files": None,
+            "result_bytes": 0,
             "error": None,
             "label": None,
             "message": None,
@@ -85,6 +86,7 @@ class JobTransitions(TableAccess):
         verdict, decision : of the results of a registration
         """
         values = {**progress, "progress": 100.0, "verdict": verdict, "decision": decision}
+        values["result_bytes"] = sum(int(file["size"]) for file in files)
         return self._finish(
             job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, **values
         )

@@ -34,6 +34,7 @@ export const json = async (path, options) => (await call(path, options)).json();
 export const bytes = async (path) => (await call(path)).arrayBuffer();
 export const blob = async (path) => (await call(path)).blob();
 export const stream = async (path) => (await call(path)).body;
+export const cancel = (id) => call(`/v1/jobs/${id}/cancel`, { method: 'POST' });
 export const remove = (path) => call(path, { method: 'DELETE' });
 export const start = (request) => json('/v1/jobs', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(request) });
 

@@ -24,7 +24,7 @@ export async function open(id, signal) {
   $('job-made').textContent = '';
   $('stage').textContent = '';
   $('new-again').href = `#again-${id}`;
-  $('cancel').onclick = () => api.remove(`/v1/jobs/${id}`).catch((error) => say('failed', error));
+  $('cancel').onclick = () => api.cancel(id).catch((error) => say('failed', error));
   $('remove').onclick = () => remove(id);
   $('job-title').focus();
   try {

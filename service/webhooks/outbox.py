@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from sqlalchemy import BigInteger, Engine, String, select, update
+from sqlalchemy import BigInteger, Engine, String, func, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, mapped_column, sessionmaker
 
@@ -56,29 +56,30 @@ class SecretRow(Base):
 
 def delivery_list(rows: Sequence[DeliveryRow]) -> DeliveryList:
     """The messages of a job as the API shows them."""
-    deliveries = []
-    for row in rows:
-        attempts = [
-            DeliveryAttempt(
-                at=time_of(attempt["at_ms"]),
-                status=attempt["status"],
-                error=attempt["error"],
-                seconds=attempt["seconds"],
-            )
-            for attempt in row.attempts
-        ]
-        is_waiting = row.state == DeliveryState.WAITING
-        deliveries.append(
-            Delivery(
-                id=row.id,
-                event=row.event,
-                url=row.url,
-                state=DeliveryState(row.state),
-                next=time_of(row.next_ms) if is_waiting else None,
-                attempts=attempts,
-            )
+    return DeliveryList(deliveries=[delivery_of(row) for row in rows])
+
+
+def delivery_of(row: DeliveryRow) -> Delivery:
+    """A message as the API shows it."""
+    attempts = [
+        DeliveryAttempt(
+            at=time_of(attempt["at_ms"]),
+            status=attempt["status"],
+            error=attempt["error"],
+            seconds=attempt["seconds"],
         )
-    return DeliveryList(deliveries=deliveries)
+        for attempt in row.attempts
+    ]
+    is_waiting = row.state == DeliveryState.WAITING
+    return Delivery(
+        id=row.id,
+        job=row.job_id,
+        event=row.event,
+        url=row.url,
+        state=DeliveryState(row.state),
+        next=time_of(row.next_ms) if is_waiting else None,
+        attempts=attempts,
+    )
 
 
 class Deliveries:
@@ -94,15 +95,36 @@ class Deliveries:
             query = select(DeliveryRow).where(DeliveryRow.job_id == job_id).order_by(DeliveryRow.id)
             return session.scalars(query).all()
 
-    def take(self, limit: int) -> list[DeliveryRow]:
-        """Up to `limit` messages that are due; no other sender gets them for `LEASE_MS`."""
+    def take(
+        self,
+        limit: int,
+        *,
+        without: Sequence[str] = (),
+        room: Callable[[str], int] | None = None,
+    ) -> list[DeliveryRow]:
+        """Up to `limit` messages that are due; no other sender gets them for `LEASE_MS`.
+
+        Receivers take turns: the oldest message of each comes first, then the second of each.
+        without : receivers that get nothing now; room : how many messages a receiver may get, None: any
+        """
         now = self._clock_ms()
-        due = select(DeliveryRow.id).where(
-            DeliveryRow.state == DeliveryState.WAITING, DeliveryRow.next_ms <= now
+        turn = func.row_number().over(
+            partition_by=DeliveryRow.receiver, order_by=(DeliveryRow.next_ms, DeliveryRow.id)
+        )
+        due = select(DeliveryRow.id, DeliveryRow.receiver, DeliveryRow.next_ms, turn.label("turn")).where(
+            DeliveryRow.state == DeliveryState.WAITING,
+            DeliveryRow.next_ms <= now,
+            DeliveryRow.receiver.not_in(without),
+        )
+        ranked = due.subquery()
+        candidates = select(ranked.c.id, ranked.c.receiver).order_by(
+            ranked.c.turn, ranked.c.next_ms, ranked.c.id
         )
         taken: list[DeliveryRow] = []
         with self._session.begin() as session:
-            for each in session.scalars(due.order_by(DeliveryRow.next_ms, DeliveryRow.id).limit(limit)).all():
+            for each, receiver in session.execute(candidates.limit(limit)).all():
+                if room is not None and sum(row.receiver == receiver for row in taken) >= room(receiver):
+                    continue
                 mine = (
                     update(DeliveryRow)
                     .where(DeliveryRow.id == each, DeliveryRow.next_ms <= now)
@@ -111,6 +133,35 @@ class Deliveries:
                 )
                 taken += session.scalars(mine, execution_options={"synchronize_session": False}).all()
         return taken
+
+    def list_of(
+        self, tenant: str, state: DeliveryState, before_id: str | None, limit: int
+    ) -> Sequence[DeliveryRow]:
+        """Messages of a tenant in this state, newest first."""
+        query = select(DeliveryRow).where(DeliveryRow.tenant == tenant, DeliveryRow.state == state)
+        if before_id is not None:
+            query = query.where(DeliveryRow.id < before_id)
+        with self._session() as session:
+            return session.scalars(query.order_by(DeliveryRow.id.desc()).limit(limit)).all()
+
+    def redeliver(self, job_id: str, message_id: str) -> DeliveryRow | None:
+        """Send a message again, as if for the first time; None if the job has no such message.
+
+        One that waits is sent at once, with the attempts that it has left.
+        """
+        now = self._clock_ms()
+        mine = (DeliveryRow.id == message_id, DeliveryRow.job_id == job_id)
+        with self._session.begin() as session:
+            session.execute(
+                update(DeliveryRow)
+                .where(*mine, DeliveryRow.state != DeliveryState.WAITING)
+                .values(state=DeliveryState.WAITING, attempts=[])
+            )
+            done = session.scalars(
+                update(DeliveryRow).where(*mine).values(next_ms=now).returning(DeliveryRow),
+                execution_options={"synchronize_session": False},
+            )
+            return done.one_or_none()
 
     def note(self, row: DeliveryRow, answer: Answer) -> DeliveryState:
         """Store the result of an attempt, and the time of the next one."""

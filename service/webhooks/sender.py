@@ -14,6 +14,7 @@ from service.jobs.deliveries import DeliveryRow
 from service.jobs.models import now_ms
 from service.webhooks.http_client import Poster
 from service.webhooks.outbox import Deliveries
+from service.webhooks.receivers import Receivers
 
 POLL_INTERVAL_S = 0.5
 SENDERS = 8
@@ -40,32 +41,52 @@ class Sender:
 
     def run(self, stop: threading.Event) -> None:
         """Send until `stop` is set. Messages that are being sent then are sent again later."""
+        receivers, wake = Receivers(), threading.Event()
         with ThreadPoolExecutor(SENDERS, thread_name_prefix="webhook") as pool:
             busy = threading.Semaphore(SENDERS)
-            while not stop.wait(POLL_INTERVAL_S):
+            while not stop.is_set():
                 try:
-                    self._round(pool, busy)
+                    self._round(pool, busy, receivers, wake)
                 except Exception:
                     log.exception("webhooks not sent")  # most likely the database is unavailable
+                    stop.wait(POLL_INTERVAL_S)
+                wake.wait(POLL_INTERVAL_S)  # or until a place is free
+                wake.clear()
             pool.shutdown(wait=False, cancel_futures=True)
 
-    def _round(self, pool: ThreadPoolExecutor, busy: threading.Semaphore) -> None:
+    def _round(
+        self,
+        pool: ThreadPoolExecutor,
+        busy: threading.Semaphore,
+        receivers: Receivers,
+        wake: threading.Event,
+    ) -> None:
         free = 0
         while free < SENDERS and busy.acquire(blocking=False):
             free += 1
-        taken = self.deliveries.take(free) if free else []
-        for _ in range(free - len(taken)):
-            busy.release()
-        for row in taken:
-            pool.submit(self._send_and_release, row, busy)
-
-    def _send_and_release(self, row: DeliveryRow, busy: threading.Semaphore) -> None:
+        taken: list[DeliveryRow] = []
         try:
-            self.send(row)
+            if free:
+                taken = self.deliveries.take(free, without=receivers.without_room(), room=receivers.room)
+        finally:
+            for _ in range(free - len(taken)):
+                busy.release()
+        for row in taken:
+            receivers.begin(row.receiver)
+            pool.submit(self._send_and_release, row, busy, receivers, wake)
+
+    def _send_and_release(
+        self, row: DeliveryRow, busy: threading.Semaphore, receivers: Receivers, wake: threading.Event
+    ) -> None:
+        is_failure = False
+        try:
+            is_failure = self.send(row) is DeliveryState.WAITING
         except Exception:
             log.exception("result of a webhook not stored", job_id=row.job_id, message=row.id)
         finally:
+            receivers.end(row.receiver, is_failure=is_failure)
             busy.release()
+            wake.set()
 
     def send(self, row: DeliveryRow) -> DeliveryState:
         """One attempt."""

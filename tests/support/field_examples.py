@@ -30,10 +30,13 @@ OTHERS: dict[str, list[Any]] = {
             "job_disk_limit_mib": 4096,
             "queue_limit": 20000,
             "tenant_queue_limit": 15000,
+            "tenant_quota_mib": 10240,
+            "tenant_stored_mib": 1843.217,
             "rate_limit_per_s": 1000,
             "parallel_jobs": 2,
             "job_types": ["registration", "landmarks", "study"],
             "formats": [each.value for each in Format],
+            "setting_ceilings": {"load.max_faces": 5000000.0, "load.max_archive_expansion": 200.0},
         }
     ],
     "Version": [{"name": "cusp", "version": VERSION, "schema_version": "1"}],
@@ -60,6 +63,7 @@ OTHERS: dict[str, list[Any]] = {
     "Delivery": [
         {
             "id": "msg_01a2019a66857220",
+            "job": JOB_ID,
             "event": "job.successful",
             "url": "https://mes.example.com/hooks/cusp",
             "state": "delivered",

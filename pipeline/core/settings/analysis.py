@@ -8,16 +8,18 @@ from pipeline.core.settings.base import Detector, Section, SegmentationMethod
 
 
 class LoadSettings(Section):
-    max_faces: int = Field(5_000_000, ge=1, description="refuse a mesh with more triangles")
+    max_faces: int = Field(5_000_000, ge=1, le=200_000_000, description="refuse a mesh with more triangles")
     max_points: int = Field(
         10_000_000,
         ge=1,
+        le=200_000_000,
         description="refuse a cloud with more points, or a mesh with more vertices that has also more than "
         "three for each triangle: where faces share no vertices, as in STL, `max_faces` limits them",
     )
     max_archive_expansion: int = Field(
         200,
         ge=1,
+        le=10_000,
         description="refuse a file (3MF, AMF, glTF in a zip, VTP) that unpacks to more than this many times "
         "its size (zip bomb)",
     )
@@ -66,7 +68,10 @@ class ResampleSettings(Section):
     )
     iterations: int = Field(5, ge=1, le=50, description="passes of isotropic remeshing")
     max_scan_ratio: float = Field(
-        3.0, ge=1, description="the scan's working mesh has at most this many times the target vertices"
+        3.0,
+        ge=1,
+        le=20,
+        description="the scan's working mesh has at most this many times the target vertices",
     )
 
 
@@ -111,7 +116,9 @@ class SegmentationSettings(Section):
         "gaussian",
         description="weight of a neighbour in rho: 1 below d_c (eq. 1), or exp(-(d / d_c)^2)",
     )
-    n_centres: int | None = Field(None, ge=1, description="number of centres; null: by the rule below")
+    n_centres: int | None = Field(
+        None, ge=1, le=10_000, description="number of centres; null: by the rule below"
+    )
     rho_min: float | None = Field(
         None, ge=0, description="centres are the vertices with at least this rho and delta_min_mm"
     )
@@ -132,7 +139,7 @@ class SegmentationSettings(Section):
         0.5, ge=0, le=1, description="decision_graph: and rho of at least this share of the median rho"
     )
     max_centres: int = Field(
-        64, ge=1, description="decision_graph: maximum number, largest rho * delta first"
+        64, ge=1, le=10_000, description="decision_graph: maximum number, largest rho * delta first"
     )
     min_component_share: float = Field(
         0.01, ge=0, lt=1, description="a connected piece needs this share of the area to have a centre"

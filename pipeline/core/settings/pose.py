@@ -15,13 +15,16 @@ class MatchingSettings(Section):
     length_share: float = Field(
         0.045, gt=0, lt=0.5, description="unit of length of matching, as a share of sqrt(area of the design)"
     )
-    descriptor_radius_lengths: float = Field(5.0, gt=0, description="FPFH support in units of length")
-    candidates: int = Field(8, ge=1, description="design landmarks tried for each scan landmark")
+    descriptor_radius_lengths: float = Field(5.0, gt=0, le=50, description="FPFH support in units of length")
+    candidates: int = Field(8, ge=1, le=1_000, description="design landmarks tried for each scan landmark")
     max_pairs: int = Field(
-        8_000, ge=100, description="maximum number of correspondence pairs that become poses, for each source"
+        8_000,
+        ge=100,
+        le=1_000_000,
+        description="maximum number of correspondence pairs that become poses, for each source",
     )
-    max_hypotheses: int = Field(48, ge=1, description="distinct poses refined by a short ICP")
-    sample_points: int = Field(1500, ge=100, description="scan points of the short ICP")
+    max_hypotheses: int = Field(48, ge=1, le=10_000, description="distinct poses refined by a short ICP")
+    sample_points: int = Field(1500, ge=100, le=100_000, description="scan points of the short ICP")
     axes_poses: bool = Field(True, description="also generate the 24 poses that align principal axes")
     dense_pairs: bool = Field(True, description="also generate poses from FPFH pairs of evenly spread points")
 
@@ -31,7 +34,7 @@ class RegistrationSettings(Section):
         0.02, gt=0, lt=0.5, description="inlier distance as a share of the diagonal of the design"
     )
     max_iterations: int = Field(100, ge=1, le=10_000, description="of the final ICP")
-    sample_points: int = Field(10_000, ge=500, description="scan points the final ICP uses")
+    sample_points: int = Field(10_000, ge=500, le=1_000_000, description="scan points the final ICP uses")
     min_fitness: float = Field(
         0.75,
         ge=0,

@@ -2,6 +2,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include "bridge.hpp"
+#include "checks.hpp"
 #include "copy_icp.hpp"
 
 namespace nb = nanobind;
@@ -31,6 +32,8 @@ class CopyIcp {
     std::tuple<OutMatrices, OutMatrices, Out1<int32_t>, Out1<int32_t>, Out1<uint8_t>> align(
         const Matrices& starts, int32_t library_iterations, double library_tolerance, int32_t iterations,
         int threads, const Progress& progress) const {
+        cusp::check_finite(starts, "starts");
+        threads = cusp::checked_threads(threads);
         const auto count = static_cast<int64_t>(starts.shape(0));
         const cusp::CopyIcp::Rules rules{library_iterations, library_tolerance, iterations};
         std::vector<double> library(16 * count), converged(16 * count);
@@ -39,7 +42,7 @@ class CopyIcp {
         const OnProgress on_progress = progress_callback(progress);
         {
             const nb::gil_scoped_release no_gil;
-            std::vector<cusp::CopyIcp::Scratch> scratch(std::max(1, threads));
+            std::vector<cusp::CopyIcp::Scratch> scratch(threads);
             cusp::for_each(
                 count, threads, on_progress,
                 [&](int worker, int64_t i) {
@@ -75,8 +78,8 @@ class CopyIcp {
 
    private:
     static const double* checked(const In2<double>& points) {
-        if (points.shape(0) == 0 || points.shape(1) != 3)
-            throw std::invalid_argument("points must be (n, 3), n >= 1");
+        cusp::check_rows(points, points.shape(0), "points must be (n, 3)");
+        if (points.shape(0) == 0) throw std::invalid_argument("points must be (n, 3), n >= 1");
         return points.data();
     }
 

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "bridge.hpp"
+#include "checks.hpp"
 #include "geodesic_mesh.hpp"
 #include "pair_columns.hpp"
 #include "window_search.hpp"
@@ -15,6 +16,8 @@ using namespace nb::literals;
 
 namespace {
 
+using cusp::check_count;
+using cusp::check_indices;
 using cusp::GeodesicMesh;
 using cusp::In1;
 using cusp::In2;
@@ -32,15 +35,13 @@ using cusp::WindowSearch;
 class Solver {
    public:
     Solver(const In2<int32_t>& faces, const In2<double>& lengths, int32_t n)
-        : mesh_(n, faces.data(), lengths.data(), static_cast<int32_t>(faces.shape(0))) {
-        if (faces.shape(1) != 3 || lengths.shape(1) != 3 || faces.shape(0) != lengths.shape(0))
-            throw std::invalid_argument("faces and lengths must both be (m, 3)");
-    }
+        : mesh_(n, checked(faces, lengths, n), lengths.data(), static_cast<int32_t>(faces.shape(0))) {}
 
     Out2<double> distances(const In1<int64_t>& sources, double radius, int threads,
                            const Progress& progress) {
         const auto count = static_cast<int64_t>(sources.shape(0));
         check(sources);
+        check_radius(radius);
         auto* rows = new std::vector<double>(static_cast<size_t>(count) * mesh_.n, cusp::kInfinity);
         const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
         const OnProgress on_progress = progress_callback(progress);
@@ -60,6 +61,7 @@ class Solver {
     // Distance of every vertex to the nearest of `sources`; inf beyond `radius`.
     Out1<double> distances_from_set(const In1<int64_t>& sources, double radius) {
         check(sources);
+        check_radius(radius);
         std::vector<double> row(mesh_.n, cusp::kInfinity);
         {
             const nb::gil_scoped_release no_gil;
@@ -80,6 +82,7 @@ class Solver {
         const auto count = static_cast<int64_t>(sources.shape(0));
         if (targets.shape(0) != sources.shape(0) || bounds.shape(0) != sources.shape(0))
             throw std::invalid_argument("sources, targets and bounds must have one length");
+        std::for_each_n(bounds.data(), count, check_radius);
         std::vector<double> distance(count, cusp::kInfinity);
         const OnProgress on_progress = progress_callback(progress);
         {
@@ -100,6 +103,7 @@ class Solver {
     // distances). The distances are from the source, not canonical.
     PairColumns balls(const In1<int64_t>& sources, double radius, int threads, const Progress& progress) {
         check(sources);
+        check_radius(radius);
         std::vector<std::vector<Pair>> rows(sources.shape(0));
         const OnProgress on_progress = progress_callback(progress);
         {
@@ -120,6 +124,8 @@ class Solver {
         const Progress& progress) {
         if (static_cast<int32_t>(weights.shape(0)) != mesh_.n)
             throw std::invalid_argument("weights must be (n,)");
+        cusp::check_finite(weights, "weights");
+        for (const double each : {low, high, scale}) check_radius(each);
         std::vector<int64_t> nearer(mesh_.n, 0);
         std::vector<double> sum(mesh_.n, 0.0);
         std::vector<std::vector<Pair>> undecided(mesh_.n);
@@ -182,6 +188,7 @@ class Solver {
     Out2<double> nearest(const In1<int64_t>& sources, int64_t most, int threads) {
         const auto count = static_cast<int64_t>(sources.shape(0));
         check(sources);
+        if (most < 0 || most > mesh_.n) throw std::invalid_argument("most must be in [0, n]");
         auto* rows = new std::vector<double>(static_cast<size_t>(count * most), cusp::kInfinity);
         const nb::capsule owner(rows, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
         {
@@ -200,6 +207,7 @@ class Solver {
     // Number of windows that a search from `source` creates: a measure of its cost.
     int64_t windows(int32_t source, double radius) {
         if (source < 0 || source >= mesh_.n) throw std::out_of_range("source out of range");
+        check_radius(radius);
         WindowSearch search(mesh_);
         search.run(source, radius, [radius](int32_t, double) { return radius; });
         return search.windows_made();
@@ -210,6 +218,8 @@ class Solver {
     PairColumns nearest_where(const In1<int64_t>& sources, double radius, double slack, int threads,
                               const Progress& progress, Wanted&& wanted) {
         check(sources);
+        check_radius(radius);
+        check_radius(slack);
         std::vector<std::vector<Pair>> rows(sources.shape(0));
         const OnProgress on_progress = progress_callback(progress);
         {
@@ -243,7 +253,8 @@ class Solver {
 
     template <class Work>
     void over_sources(int64_t count, int threads, const OnProgress& on_progress, Work&& work) {
-        std::vector<std::unique_ptr<WindowSearch>> searches(std::max(1, threads));
+        threads = cusp::checked_threads(threads);
+        std::vector<std::unique_ptr<WindowSearch>> searches(threads);
         cusp::for_each(count, threads, on_progress, [&](int worker, int64_t item) {
             auto& search = searches[worker];
             if (!search) search = std::make_unique<WindowSearch>(mesh_);
@@ -251,10 +262,22 @@ class Solver {
         });
     }
 
-    void check(const In1<int64_t>& sources) const {
-        for (size_t i = 0; i < sources.shape(0); ++i)
-            if (sources.data()[i] < 0 || sources.data()[i] >= mesh_.n)
-                throw std::out_of_range("source out of range");
+    static const int32_t* checked(const In2<int32_t>& faces, const In2<double>& lengths, int32_t n) {
+        if (n < 0) throw std::invalid_argument("n must not be negative");
+        check_count(n, "vertices");
+        cusp::check_faces(faces, n);
+        cusp::check_rows(lengths, faces.shape(0), "lengths must be (m, 3), as the faces");
+        if (std::any_of(lengths.data(), lengths.data() + lengths.size(),
+                        [](double each) { return each < 0; }))
+            throw std::invalid_argument("lengths must not be negative");
+        return faces.data();
+    }
+
+    void check(const In1<int64_t>& sources) const { check_indices(sources, mesh_.n, "source"); }
+
+    // Infinite is allowed: everywhere.
+    static void check_radius(double radius) {
+        if (std::isnan(radius)) throw std::invalid_argument("radius is not a number");
     }
 
     GeodesicMesh mesh_;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bridge.hpp"
+#include "checks.hpp"
 #include "cell_grid.hpp"
 #include "triangle.hpp"
 
@@ -47,7 +48,9 @@ int sector(double y, double x) {
     return kBins / 2 + (std::signbit(y) ? -passed : passed);
 }
 
-int bin(double share) { return std::clamp(static_cast<int>(std::floor(kBins * share)), 0, kBins - 1); }
+int bin(double share) {
+    return static_cast<int>(std::min(std::max(0.0, std::floor(kBins * share)), kBins - 1.0));  // also of NaN
+}
 
 // The bins of theta, alpha and phi of two oriented points (equations 1 to 3); `line` leads from the source.
 std::array<int, 3> bins_of(const Vec& line, const Vec& source, const Vec& target, double phi) {
@@ -82,13 +85,14 @@ PairBins bins_of_pair(const double* p, const double* np, const double* q, const 
 // over the neighbours nearer than `radius`.
 Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, const In1<int64_t>& at,
                   double radius, int threads) {
-    if (points.shape(1) != 3 || normals.shape(1) != 3 || points.shape(0) != normals.shape(0))
-        throw std::invalid_argument("points and normals must have one shape (n, 3)");
+    cusp::check_rows(points, points.shape(0), "points must be (n, 3)");
+    cusp::check_rows(normals, points.shape(0), "normals must be (n, 3), as the points");
     if (!(radius > 0)) throw std::invalid_argument("radius must be above 0");
+    cusp::check_finite(radius, "radius");
+    threads = cusp::checked_threads(threads);
     const auto n = static_cast<int64_t>(points.shape(0));
     const auto asked = static_cast<int64_t>(at.shape(0));
-    for (int64_t k = 0; k < asked; ++k)
-        if (at.data()[k] < 0 || at.data()[k] >= n) throw std::out_of_range("no such point");
+    cusp::check_indices(at, n, "point");
     const double *p = points.data(), *normal = normals.data();
     std::vector<double> simple(kWidth * n), full(kWidth * asked);
     {
@@ -96,7 +100,7 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, const I
         const CellGrid grid(p, n, radius);
         // Each pair is computed once. Counts are whole numbers: their sum over the threads is the same in any
         // order.
-        std::vector<std::vector<int32_t>> counts(std::max(1, threads), std::vector<int32_t>(kWidth * n));
+        std::vector<std::vector<int32_t>> counts(threads, std::vector<int32_t>(kWidth * n));
         cusp::for_each(n, threads, {}, [&](int worker, int64_t i) {
             auto& mine = counts[worker];
             grid.for_each_near(i, [&](int64_t j, double) {

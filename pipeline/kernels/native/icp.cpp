@@ -23,6 +23,7 @@ using namespace nb::literals;
 namespace {
 
 using cusp::check_rows;
+using cusp::checked_threads;
 using cusp::Correspondence;
 using cusp::In1;
 using cusp::In2;
@@ -46,12 +47,15 @@ struct Rules {
     double max_distance, min_agreement, damping;
 };
 
+void check_poses(const Matrices& T, const In1<double>& normal_sign) {
+    if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
+    cusp::check_finite(T, "T");
+}
+
 class SampleTarget {
    public:
     SampleTarget(const In2<double>& points, const In2<double>& normals)
-        : tree_(points.data(), static_cast<int32_t>(points.shape(0))) {
-        check_rows(points, points.shape(0), "points must be (k, 3)");
-        check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
+        : tree_(checked(points, normals), static_cast<int32_t>(points.shape(0))) {
         for (int32_t slot = 0; slot < tree_.size(); ++slot)
             normals_.push_back(row(normals, tree_.number(slot)));
     }
@@ -65,13 +69,14 @@ class SampleTarget {
         check_rows(points, points.shape(0), "points must be (k, 3)");
         check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
         const auto poses = static_cast<int64_t>(T.shape(0));
-        if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
+        check_poses(T, normal_sign);
+        threads = checked_threads(threads);
         const Rules rules{max_distance, min_agreement, damping};
         std::vector<double> refined(16 * poses), cost(poses);
         {
             const nb::gil_scoped_release no_gil;
-            std::vector<std::vector<Correspondence>> pairs(std::max(1, threads));
-            std::vector<std::vector<int32_t>> slots(std::max(1, threads));
+            std::vector<std::vector<Correspondence>> pairs(threads);
+            std::vector<std::vector<int32_t>> slots(threads);
             cusp::for_each(
                 poses, threads, {},
                 [&](int worker, int64_t pose) {
@@ -93,6 +98,12 @@ class SampleTarget {
     }
 
    private:
+    static const double* checked(const In2<double>& points, const In2<double>& normals) {
+        check_rows(points, points.shape(0), "points must be (k, 3)");
+        check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
+        return points.data();
+    }
+
     void match(const In2<double>& points, const In2<double>& normals, const Motion& motion, double sign,
                const Rules& rules, std::vector<int32_t>& slots, std::vector<Correspondence>& pairs) const {
         const auto count = static_cast<int64_t>(points.shape(0));
@@ -140,6 +151,7 @@ class SurfaceTarget {
         const In2<double>& points, const std::optional<In1<int64_t>>& near, int threads) const {
         check_rows(points, points.shape(0), "points must be (k, 3)");
         if (near) check_near(*near, points.shape(0));
+        threads = checked_threads(threads);
         const auto count = static_cast<int64_t>(points.shape(0));
         std::vector<double> point(3 * count), weights(3 * count), distance(count);
         std::vector<int64_t> face(count);
@@ -174,7 +186,9 @@ class SurfaceTarget {
         double stall_share, int stall_iterations, int threads) const {
         check_rows(points, weights.shape(0), "points must be (k, 3), one weight each");
         if (normals) check_rows(*normals, points.shape(0), "normals must be (k, 3), as the points");
-        if (normal_sign.shape(0) != T.shape(0)) throw std::invalid_argument("one normal sign a pose");
+        check_poses(T, normal_sign);
+        cusp::check_finite(weights, "weights");
+        threads = checked_threads(threads);
         const auto poses = static_cast<int64_t>(T.shape(0)), count = static_cast<int64_t>(points.shape(0));
         std::vector<double> refined(16 * poses);
         std::vector<uint8_t> converged(poses, 0);
@@ -194,6 +208,10 @@ class SurfaceTarget {
                         const Point moved = motion(row(points, i));
                         const SurfacePoint found = tree_.closest(moved.data(), faces[i]);
                         faces[i] = found.face;
+                        if (found.face < 0) {  // the steps led to where squares are infinite
+                            pairs[i] = {moved, moved, {}, 0};
+                            continue;
+                        }
                         const Vec n = tree_.normal(found.face);
                         double w = std::sqrt(found.distance_sq) <= allowed ? weights.data()[i] : 0;
                         if (normals && !(normal_sign.data()[pose] *
@@ -237,6 +255,7 @@ class SurfaceTarget {
     std::tuple<OutMatrices, bool, int32_t> complete(const In2<double>& points, const In1<double>& weights,
                                                     int iterations, double tolerance) const {
         check_rows(points, weights.shape(0), "points must be (k, 3), one weight each");
+        cusp::check_finite(weights, "weights");
         const auto count = static_cast<int64_t>(points.shape(0));
         Motion motion;
         bool converged = false;
@@ -292,11 +311,8 @@ class SurfaceTarget {
     }
 
     static const double* checked(const In2<double>& vertices, const In2<int32_t>& faces) {
-        if (vertices.shape(1) != 3 || faces.shape(1) != 3)
-            throw std::invalid_argument("vertices and faces must have three columns");
-        const auto n = static_cast<int32_t>(vertices.shape(0));
-        for (size_t k = 0; k < 3 * faces.shape(0); ++k)
-            if (faces.data()[k] < 0 || faces.data()[k] >= n) throw std::out_of_range("face out of range");
+        check_rows(vertices, vertices.shape(0), "vertices must be (n, 3)");
+        cusp::check_faces(faces, static_cast<int64_t>(vertices.shape(0)));
         return vertices.data();
     }
 
@@ -316,8 +332,7 @@ class SurfaceTarget {
 
     void check_near(const In1<int64_t>& near, size_t count) const {
         if (near.shape(0) != count) throw std::invalid_argument("one near face a point");
-        for (size_t i = 0; i < count; ++i)
-            if (near.data()[i] < 0 || near.data()[i] >= tree_.size()) throw std::out_of_range("no such face");
+        cusp::check_indices(near, tree_.size(), "near face");
     }
 
     static double truncated_cost(const std::vector<Correspondence>& pairs, const In1<double>& weights,

@@ -32,10 +32,14 @@ using cusp::Vec;
 Out1<int64_t> nearest_of_cells(const In2<double>& samples, const In1<double>& low, double cell,
                                const In1<int64_t>& shape, double reach, int threads) {
     check_rows(samples, samples.shape(0), "samples must be (k, 3)");
-    if (low.shape(0) != 3 || shape.shape(0) != 3) throw std::invalid_argument("a grid has three axes");
+    if (low.shape(0) != 3) throw std::invalid_argument("a grid has three axes");
+    cusp::check_finite(low, "low");
+    cusp::check_finite(cell, "cell");
+    const int64_t all_cells = cusp::checked_cells(shape);
+    threads = cusp::checked_threads(threads);
     const int64_t *cells = shape.data(), row_length = cells[2];
     const double* origin = low.data();
-    std::vector<int64_t> nearest(cells[0] * cells[1] * row_length);
+    std::vector<int64_t> nearest(all_cells);
     {
         const nb::gil_scoped_release no_gil;
         const PointTree tree(samples.data(), static_cast<int32_t>(samples.shape(0)));
@@ -65,8 +69,11 @@ Out1<double> grid_costs(const In1<int64_t>& nearest, const In2<double>& samples,
     check_rows(sample_normals, samples.shape(0), "normals must be (k, 3), as the samples");
     check_rows(points, points.shape(0), "points must be (k, 3)");
     check_rows(normals, points.shape(0), "normals must be (k, 3), as the points");
-    if (low.shape(0) != 3 || shape.shape(0) != 3 || normal_sign.shape(0) != T.shape(0) ||
-        static_cast<int64_t>(nearest.shape(0)) != shape.data()[0] * shape.data()[1] * shape.data()[2])
+    cusp::check_finite(T, "T");
+    threads = cusp::checked_threads(threads);
+    const int64_t cells = cusp::checked_cells(shape);
+    if (low.shape(0) != 3 || normal_sign.shape(0) != T.shape(0) ||
+        static_cast<int64_t>(nearest.shape(0)) != cells)
         throw std::invalid_argument("a grid of three axes, one sample a cell, one normal sign a pose");
     const auto poses = static_cast<int64_t>(T.shape(0)), count = static_cast<int64_t>(points.shape(0));
     const auto no_sample = static_cast<int64_t>(samples.shape(0));

@@ -67,6 +67,7 @@ std::tuple<Out1<int64_t>, Out1<int64_t>, Out1<double>> agreeing_pairs(
     const auto count = static_cast<int64_t>(p.shape(0));
     for (const auto* each : {&p, &n, &q, &m})
         cusp::check_rows(*each, p.shape(0), "points and normals must be (c, 3), of one length");
+    threads = cusp::checked_threads(threads);
     if (!(min_length > 0)) throw std::invalid_argument("min_length must be above 0");
     struct Pair {
         int64_t j;
@@ -97,6 +98,8 @@ std::tuple<Out1<int64_t>, Out1<int64_t>, Out1<double>> agreeing_pairs(
 Out1<int64_t> distinct(const Matrices& T, const In1<double>& sign, const In2<double>& probes, double apart,
                        int64_t most, const Matrices& group) {
     cusp::check_rows(probes, probes.shape(0), "probes must be (k, 3)");
+    cusp::check_finite(T, "T");
+    cusp::check_finite(group, "group");
     if (sign.shape(0) != T.shape(0)) throw std::invalid_argument("one sign a pose");
     const auto count = static_cast<int64_t>(T.shape(0)), k = static_cast<int64_t>(probes.shape(0)),
                images = static_cast<int64_t>(group.shape(0));

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "bridge.hpp"
+#include "checks.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -20,7 +21,8 @@ using cusp::In2;
 using Out3f = nb::ndarray<nb::numpy, float, nb::ndim<3>>;
 using OutDepth = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
-constexpr int64_t kBand = 32;   // rows that one work item draws; affects only the time
+constexpr int64_t kMostSamples = 1 << 25;  // of a picture; those of a report have half a million
+constexpr int64_t kBand = 32;              // rows that one work item draws; affects only the time
 constexpr double kEdge = 1e-9;  // of a triangle: a sample this far outside counts as inside, so that no
                                 // sample falls between two triangles that share an edge
 
@@ -97,14 +99,14 @@ std::tuple<Out3f, OutDepth> picture(const In2<double>& vertices, const In2<int32
                                     const In2<double>& colours, double left, double top, double step,
                                     int64_t width, int64_t height, double ambient, double background,
                                     int threads) {
-    if (vertices.shape(1) != 3 || faces.shape(1) != 3 || colours.shape(1) != 3 ||
-        colours.shape(0) != vertices.shape(0))
-        throw std::invalid_argument(
-            "vertices, faces and colours must have three columns, one colour a vertex");
+    cusp::check_rows(vertices, vertices.shape(0), "vertices must be (n, 3)");
+    cusp::check_rows(colours, vertices.shape(0), "colours must be (n, 3), one a vertex");
+    cusp::check_faces(faces, static_cast<int64_t>(vertices.shape(0)));
+    for (const double each : {left, top, step}) cusp::check_finite(each, "the frame of the picture");
     if (width <= 0 || height <= 0 || !(step > 0)) throw std::invalid_argument("the picture has no samples");
-    const auto n = static_cast<int64_t>(vertices.shape(0)), count = static_cast<int64_t>(faces.shape(0));
-    for (int64_t k = 0; k < 3 * count; ++k)
-        if (faces.data()[k] < 0 || faces.data()[k] >= n) throw std::out_of_range("face out of range");
+    if (width > kMostSamples / height) throw std::invalid_argument("the picture is too large");
+    threads = cusp::checked_threads(threads);
+    const auto count = static_cast<int64_t>(faces.shape(0));
     const Raster at{left, top, step, width, height};
     const auto samples = static_cast<size_t>(width * height);
     auto* rgb = new std::vector<float>(3 * samples, static_cast<float>(background));

@@ -21,7 +21,7 @@ RAW_BODY = {
 }
 
 
-@router.put("", responses=problems(400, 401, 403, 413, 415, 422, 429), openapi_extra=RAW_BODY)
+@router.put("", responses=problems(400, 401, 403, 413, 415, 422, 429, 507), openapi_extra=RAW_BODY)
 async def put_blob(
     request: Request,
     api: UseApi,

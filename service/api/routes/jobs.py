@@ -1,6 +1,5 @@
 """Jobs: start, list, watch, download, dismiss."""
 
-import asyncio
 import re
 import time
 from collections.abc import AsyncIterable
@@ -22,14 +21,34 @@ from service.api.intake import accept_job
 from service.api.problems import problem_response, problems
 from service.api.request_bodies import JOB_BODY
 from service.auth.keys import Caller
-from service.contract.errors import FileNotInJob, JobDismissed, JobNotFinal, JobNotFound
-from service.contract.schemas import NO_NUL, DeliveryList, FileList, Job, JobPage, JobType, Results, Status
+from service.contract.errors import (
+    DeliveryNotFound,
+    FileNotInJob,
+    JobDismissed,
+    JobFinal,
+    JobNotFinal,
+    JobNotFound,
+)
+from service.contract.schemas import (
+    NO_NUL,
+    Delivery,
+    DeliveryList,
+    FileList,
+    Job,
+    JobPage,
+    JobType,
+    Results,
+    Status,
+)
 from service.jobs.models import JobRow
 from service.jobs.views import files_of, job_of
-from service.webhooks.outbox import delivery_list
+from service.webhooks.outbox import delivery_list, delivery_of
 
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
 FileName = Annotated[str, Path(description="as in the list of files", examples=["report.html"])]
+MessageId = Annotated[
+    str, Path(description="`id` of the message", examples=["msg_01a2019a66857220"], pattern=NO_NUL)
+]
 ReferenceText = Annotated[
     str | None,
     Query(max_length=100, pattern=NO_NUL, description="select by this value of `options.reference`"),
@@ -41,13 +60,20 @@ MAX_WAIT_S = 60
 REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 )
-WAIT_POLL_S = 0.1
+#: Of a DELETE that cancels without `cancel=true`: deprecated (RFC 9745) since 2026-11-27, removed in 0.3.
+CANCELLED_BY_DELETE = {
+    "Deprecation": "@1795737600",
+    "Link": '</docs#/jobs>; rel="deprecation"; type="text/html"',
+}
 NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 log = structlog.get_logger()
 
 
 @router.post(
-    "", status_code=202, responses=problems(400, 401, 403, 413, 415, 422, 429, 503), openapi_extra=JOB_BODY
+    "",
+    status_code=202,
+    responses=problems(400, 401, 403, 413, 415, 422, 429, 503, 507),
+    openapi_extra=JOB_BODY,
 )
 async def submit(
     request: Request,
@@ -149,8 +175,10 @@ async def status(
 
 
 def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
-    """Look the job up before the stream starts, so that a wrong id is a 404."""
-    return api.job(job_id, caller)
+    """Look the job up before the stream starts, so that a wrong id is a 404, and one too many a 429."""
+    row = api.job(job_id, caller)
+    api.watch.check_room(caller.tenant)
+    return row
 
 
 @router.get(
@@ -159,22 +187,24 @@ def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
     responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
 )
 async def events(
-    job_id: JobId, api: UseApi, caller: Reads, _: Annotated[JobRow, Depends(_existing)]
+    job_id: JobId, api: UseApi, caller: Reads, first: Annotated[JobRow, Depends(_existing)]
 ) -> AsyncIterable[ServerSentEvent]:
     """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
-    sent = None
-    while True:
-        try:
-            row = await run_in_threadpool(api.job, job_id, caller)
-        except JobNotFound:  # removed meanwhile
-            return
-        job = job_of(row)
-        if job != sent:
-            sent = job
-            yield ServerSentEvent(event="status", data=job.model_dump(mode="json"))
-        if job.is_final:
-            return
-        await asyncio.sleep(WAIT_POLL_S)
+    sent = job_of(first).model_dump_json()
+    yield ServerSentEvent(event="status", raw_data=sent)
+    if first.status.is_final:
+        return
+    async with api.watch.of(job_id, caller.tenant) as watched:
+        version = 0
+        while await watched.newer(version):
+            version = watched.version
+            if watched.row is None:  # removed meanwhile
+                return
+            if (now := watched.as_json()) != sent:
+                sent = now
+                yield ServerSentEvent(event="status", raw_data=sent)
+            if watched.row.status.is_final:
+                return
 
 
 @router.get(
@@ -221,26 +251,93 @@ def list_deliveries(job_id: JobId, api: UseApi, caller: Reads) -> DeliveryList:
     return delivery_list(api.deliveries.of_job(api.job(job_id, caller).id))
 
 
-@router.delete("/{job_id}", status_code=204, response_class=Response, responses=problems(401, 403, 404, 429))
-def dismiss(job_id: JobId, api: UseApi, caller: Writes) -> None:
-    """Dismiss a waiting or running job; remove a final job with its results."""
+@router.post(
+    "/{job_id}/deliveries/{message}/redeliver", status_code=202, responses=problems(401, 403, 404, 429)
+)
+def redeliver(job_id: JobId, message: MessageId, api: UseApi, caller: Writes) -> Delivery:
+    """Send a message to the webhook of a job again, also one that was given up or delivered."""
+    row = api.deliveries.redeliver(api.job(job_id, caller).id, message)
+    if row is None:
+        raise DeliveryNotFound(
+            f"job {job_id} has no message {message[:80]!r}; see /v1/jobs/{job_id}/deliveries"
+        )
+    return delivery_of(row)
+
+
+@router.post("/{job_id}/cancel", responses=problems(401, 403, 404, 409, 429))
+def cancel(job_id: JobId, api: UseApi, caller: Writes) -> Job:
+    """Cancel a waiting or running job. Never removes results: 409 if the job has ended meanwhile.
+
+    To cancel a job that is dismissed already does nothing.
+    """
+    row = api.job(job_id, caller)
+    if row.status.is_final and row.status is not Status.DISMISSED:
+        raise JobFinal(
+            f"job {job_id} is {row.status}; its results are kept. To remove it: DELETE /v1/jobs/{job_id}"
+        )
+    if row.status is not Status.DISMISSED and not api.jobs.dismiss(job_id, row.status):
+        return cancel(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
+    return job_of(api.job(job_id, caller))
+
+
+@router.delete(
+    "/{job_id}",
+    status_code=204,
+    response_class=Response,
+    responses={
+        204: {
+            "headers": {
+                "Deprecation": {
+                    "description": "a job that had not ended was cancelled without `cancel=true`: use "
+                    "POST /v1/jobs/{job_id}/cancel",
+                    "schema": {"type": "string"},
+                }
+            }
+        },
+        **problems(401, 403, 404, 409, 422, 429),
+    },
+)
+def dismiss(
+    job_id: JobId,
+    api: UseApi,
+    caller: Writes,
+    cancel: Annotated[
+        bool | None,
+        Query(
+            description="also cancel a job that has not ended; `false`: refuse then (409). Without it such a "
+            "job is cancelled too, which is deprecated"
+        ),
+    ] = None,
+) -> Response:
+    """Remove a job that has ended, with its results. One that has not ended is cancelled, with `cancel`."""
     row = api.jobs.find(job_id, caller.tenant)
     if row is None:
         raise JobNotFound(f"no job has the id {job_id!r}")
     if row.status.is_final:
         api.jobs.remove(job_id)
         api.blobs.remove_results(job_id)  # on each call: an earlier one may have been interrupted
-    elif not api.jobs.dismiss(job_id, row.status):
-        dismiss(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
+        return Response(status_code=204)
+    if cancel is False:
+        raise JobNotFinal(f"job {job_id} is {row.status}; cancel it, or remove it when it is final")
+    if not api.jobs.dismiss(job_id, row.status):
+        return dismiss(job_id, api, caller, cancel)  # its status changed meanwhile; decide again
+    return Response(status_code=204, headers=CANCELLED_BY_DELETE if cancel is None else {})
 
 
 async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
-    deadline = time.monotonic() + seconds
-    while True:
-        row = await run_in_threadpool(api.job, job_id, caller)
-        if row.status.is_final or time.monotonic() >= deadline:
-            return row
-        await asyncio.sleep(WAIT_POLL_S)
+    row = await run_in_threadpool(api.job, job_id, caller)
+    if row.status.is_final or not seconds:
+        return row
+    deadline, version = time.monotonic() + seconds, 0
+    async with api.watch.of(job_id, caller.tenant) as watched:
+        while await watched.newer(version, max(0.0, deadline - time.monotonic())):
+            version = watched.version
+            if watched.row is None:
+                raise JobNotFound(f"no job has the id {job_id!r}; it was removed meanwhile")
+            row = watched.row
+            if row.status.is_final:
+                break
+    return row
 
 
 def _seconds_to_wait(prefer: str | None) -> int:

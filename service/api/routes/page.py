@@ -1,4 +1,7 @@
-"""The page at `/`: the files of `service/web`, with a policy that allows no other source."""
+"""The pages at `/` and `/docs`: the files of `service/web`, with a policy that allows no other source.
+
+Both are on the origin that holds the API key of the reader, so they load nothing from other hosts.
+"""
 
 from importlib import resources
 from pathlib import Path
@@ -29,6 +32,12 @@ router = APIRouter()
 def page() -> FileResponse:
     """Serve the page. It needs no key; its requests to the API do, if the service has keys."""
     return FileResponse(WEB / "index.html", headers=HEADERS)
+
+
+@router.get("/docs", include_in_schema=False)
+def docs() -> FileResponse:
+    """Serve the OpenAPI document as a page (Swagger UI, from our own files)."""
+    return FileResponse(WEB / "docs.html", headers=HEADERS)
 
 
 class PageFiles(StaticFiles):

@@ -66,7 +66,7 @@ def get_version() -> Version:
 
 
 @router.get("/v1/limits", responses=problems(401, 403, 429))
-def limits(api: UseApi, _: Reads) -> Limits:
+def limits(api: UseApi, caller: Reads) -> Limits:
     """Get the limits of this server."""
     return Limits(
         max_upload_mib=api.settings.max_upload_mib,
@@ -75,8 +75,11 @@ def limits(api: UseApi, _: Reads) -> Limits:
         job_disk_limit_mib=api.settings.job_disk_limit_mib,
         queue_limit=api.settings.queue_limit,
         tenant_queue_limit=api.settings.tenant_queue_limit,
+        tenant_quota_mib=api.settings.tenant_quota_mib,
+        tenant_stored_mib=round(api.jobs.stored_bytes(caller.tenant) / MIB, 3),
         rate_limit_per_s=api.settings.rate_limit_per_s,
         parallel_jobs=api.settings.jobs,
         job_types=list(JOB_TYPES),
         formats=[each.value for each in Format],
+        setting_ceilings=api.settings.ceilings,
     )

@@ -123,7 +123,7 @@ def test_a_triangle_that_is_taken_for_near_changes_no_bit() -> None:
     found, again = surface.closest(points), surface.closest(points, near)
     for name in ("point", "face", "weights", "distance", "normal"):
         np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
-    with pytest.raises(IndexError, match="no such face"):
+    with pytest.raises(IndexError, match="near face out of range"):
         surface.closest(points[:1], np.array([len(box.faces)]))
 
 

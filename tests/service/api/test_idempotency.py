@@ -8,6 +8,7 @@ import httpx
 import pytest
 
 from service.auth.keys import KeyStore, Scope
+from service.contract.schemas import Options
 from service.storage.database import open_database
 from tests.support.service import TRIANGLE_OBJ, Service
 
@@ -113,3 +114,20 @@ def test_a_request_that_is_sent_again_is_answered_though_the_queue_is_full(servi
     assert (
         post(service, "order-0").json()["code"] == "queue_full"
     )  # its job is gone: this would start another
+
+
+def test_a_retry_after_an_upgrade_is_the_same_request(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hash is of what the client sent: a new default, or a new option, is none of its doing."""
+    first = post(service, "order-7", '{"label": "x", "settings": {"resample": {"target_vertices": 900}}}')
+
+    class LaterOptions(Options):
+        seed: int = 5
+        of_a_later_version: bool = True
+
+    monkeypatch.setattr("service.contract.options.Options", LaterOptions)
+    again = post(service, "order-7", '{"settings":{"resample":{"target_vertices":900}},"label":"x"}')
+    assert again.status_code == 202, again.text
+    assert again.json()["id"] == first.json()["id"]
+    assert post(service, "order-7", '{"label": "y"}').status_code == 422

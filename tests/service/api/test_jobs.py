@@ -9,6 +9,7 @@ import pytest
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import Status
 from service.execution.sandbox import Outcome
+from service.jobs.store import JobStore
 from tests.support.service import RESULTS, TRIANGLE_OBJ, Service, assert_problem
 
 pytestmark = pytest.mark.storages
@@ -349,3 +350,48 @@ def test_nothing_of_a_refused_upload_is_kept(service: Service) -> None:
     assert service.submit(scan=("s.obj", b"")).status_code == 422
     assert [path for path in service.settings.blob_dir.rglob("*") if path.is_file()] == []
     assert service.jobs.count(Status.ACCEPTED) == 0
+
+
+# --- cancelling
+
+
+def test_cancel_ends_a_job_and_never_its_results(service: Service) -> None:
+    """Also when it comes too late, or between the look at the status and the change."""
+    waiting, done = service.submitted(), service.finished()
+    cancelled = service.http.post(f"/v1/jobs/{waiting}/cancel")
+    assert (cancelled.status_code, cancelled.json()["status"]) == (200, "dismissed")
+    assert service.http.post(f"/v1/jobs/{waiting}/cancel").json() == cancelled.json()  # a repeated request
+    assert service.waiting == []
+    assert_problem(service.http.post(f"/v1/jobs/{done}/cancel"), 409, "job_final", "successful", "kept")
+    assert service.http.get(f"/v1/jobs/{done}/results").content == RESULTS
+    assert_problem(service.http.post("/v1/jobs/unknown/cancel"), 404, "job_not_found")
+
+
+def test_a_cancel_that_meets_the_end_of_the_job_loses_nothing(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job_id, dismiss = service.submitted(), JobStore.dismiss
+
+    def late(jobs: JobStore, *given: Any) -> bool:
+        monkeypatch.setattr(JobStore, "dismiss", dismiss)
+        service.worker.run(job_id)
+        return dismiss(jobs, *given)
+
+    monkeypatch.setattr(JobStore, "dismiss", late)
+    assert_problem(service.http.post(f"/v1/jobs/{job_id}/cancel"), 409, "job_final")
+    assert service.http.get(f"/v1/jobs/{job_id}/results").content == RESULTS
+
+
+def test_delete_cancels_only_if_it_is_told_so(service: Service) -> None:
+    job_id = service.submitted()
+    address = f"/v1/jobs/{job_id}"
+    assert_problem(service.http.delete(address, params={"cancel": "false"}), 409, "job_not_final", "accepted")
+    assert service.status(job_id)["status"] == "accepted"
+    told = service.http.delete(address, params={"cancel": "true"})
+    assert told.status_code == 204 and "deprecation" not in told.headers
+    assert service.status(job_id)["status"] == "dismissed"
+    # Without a word, for one version more, and said so; a final job is removed as ever.
+    silent = service.http.delete(f"/v1/jobs/{service.submitted()}")
+    assert silent.status_code == 204 and silent.headers["deprecation"].startswith("@")
+    removed = service.http.delete(f"/v1/jobs/{service.finished()}")
+    assert removed.status_code == 204 and "deprecation" not in removed.headers

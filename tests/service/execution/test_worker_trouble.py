@@ -93,8 +93,8 @@ def test_a_publication_that_was_removed_at_once_leaves_nothing(
 ) -> None:
     succeed = service.jobs.succeed
 
-    def succeed_and_be_removed(*given: Any) -> bool:
-        assert succeed(*given)
+    def succeed_and_be_removed(*given: Any, **named: Any) -> bool:
+        assert succeed(*given, **named)
         assert service.http.delete(f"/v1/jobs/{given[0]}").status_code == 204
         return False
 
@@ -229,9 +229,9 @@ def test_what_the_database_tells_of_is_on_the_disk_before_it(
         settled.add(str(Path(f"/proc/self/fd/{file}").readlink()))
 
     def seen(name: str, act: Callable[..., Any]) -> Callable[..., Any]:
-        def acting(*given: Any) -> Any:
+        def acting(*given: Any, **named: Any) -> Any:
             told.append((name, set(settled)))
-            return act(*given)
+            return act(*given, **named)
 
         return acting
 

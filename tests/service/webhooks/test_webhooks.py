@@ -10,19 +10,22 @@ from typing import Any
 
 import pytest
 from sqlalchemy import Engine
+from sqlalchemy.orm import Session
 from standardwebhooks import Webhook, WebhookVerificationError
 from typer.testing import CliRunner
 
 from service.cli.main import app as cli
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import DeliveryState
+from service.jobs.deliveries import DeliveryRow, receiver_of
 from service.jobs.models import now_ms
 from service.jobs.store import JobStore
 from service.webhooks.http_client import TOTAL_S, Poster
-from service.webhooks.outbox import BACK_OFF_S, LEASE_MS, Deliveries
+from service.webhooks.outbox import BACK_OFF_S, LEASE_MS, Answer, Deliveries
+from service.webhooks.receivers import FAILURES_TO_OPEN, FIRST_PAUSE_S, MAX_PER_RECEIVER, Receivers
 from service.webhooks.sender import Sender
 from tests.support.receiver import Receiver, Trickle
-from tests.support.service import Service
+from tests.support.service import Service, assert_problem
 
 pytestmark = pytest.mark.storages
 
@@ -212,3 +215,99 @@ def test_of_several_addresses_the_first_that_takes_us_is_used(
     monkeypatch.setattr("service.webhooks.http_client.socket.getaddrinfo", looked_up)
     answer = poster.post(receiver.url.replace("127.0.0.1", "two.example.org"), {}, b"{}")
     assert answer.status == 204 and len(receiver.got) == 1
+
+
+# --- turns between receivers
+
+
+class SlowFor(Poster):
+    """A poster whose attempts at one receiver last until the test ends them; the others are accepted."""
+
+    def __init__(self, slow: str) -> None:
+        self._slow = slow
+        self.posted: list[str] = []
+        self.goes_on = threading.Event()
+
+    def post(self, url: str, headers: Any, body: bytes) -> Answer:
+        self.posted.append(url)
+        if url.startswith(self._slow):
+            self.goes_on.wait(60)
+        return Answer(204, None, 0.0)
+
+
+def store_messages(engine: Engine, urls: list[str]) -> None:
+    with Session(engine) as session, session.begin():
+        for number, url in enumerate(urls):
+            session.add(
+                DeliveryRow(
+                    id=f"msg_{number:05}",
+                    job_id="job",
+                    tenant="default",
+                    url=url,
+                    receiver=receiver_of(url),
+                    event="job.failed",
+                    body="{}",
+                    state="waiting",
+                    next_ms=number,
+                    created_ms=0,
+                    attempts=[],
+                )
+            )
+
+
+def test_one_slow_receiver_starves_no_other(engine: Engine) -> None:
+    """Its messages are the oldest, and more than there are senders."""
+    slow, fast = "https://slow.example/hook", "https://fast.example/hook"
+    store_messages(engine, [f"{slow}/{number}" for number in range(40)] + [fast] * 20)
+    poster, stop = SlowFor(slow), threading.Event()
+    thread = threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,))
+    thread.start()
+    try:
+        deadline = time.monotonic() + 30
+        while poster.posted.count(fast) < 20:
+            assert time.monotonic() < deadline, poster.posted
+            time.sleep(0.02)
+        assert len(poster.posted) == 20 + MAX_PER_RECEIVER
+    finally:
+        stop.set()
+        poster.goes_on.set()
+        thread.join()
+
+
+def test_a_receiver_that_fails_is_left_alone_for_a_while() -> None:
+    now = [0.0]
+    receivers = Receivers(lambda: now[0])
+    for _ in range(FAILURES_TO_OPEN):
+        assert receivers.room("a") == MAX_PER_RECEIVER
+        receivers.begin("a")
+        receivers.end("a", is_failure=True)
+    assert (receivers.room("a"), receivers.without_room()) == (0, ["a"])
+    assert receivers.room("b") == MAX_PER_RECEIVER
+    now[0] += FIRST_PAUSE_S
+    assert receivers.room("a") == 1  # one is tried
+    receivers.begin("a")
+    assert receivers.room("a") == 0
+    receivers.end("a", is_failure=True)
+    now[0] += FIRST_PAUSE_S
+    assert receivers.room("a") == 0  # the pause has doubled
+    now[0] += FIRST_PAUSE_S
+    receivers.begin("a")
+    receivers.end("a", is_failure=False)
+    assert (receivers.room("a"), receivers.without_room()) == (MAX_PER_RECEIVER, [])
+
+
+def test_a_message_that_was_given_up_is_listed_and_sent_again(
+    service: Service, receiver: Receiver, engine: Engine, poster: Poster
+) -> None:
+    job_id = service.finished(options(receiver))
+    receiver.answers = [(410, {})]
+    assert send_due(engine, poster) == [DeliveryState.GIVEN_UP]
+    (listed,) = service.http.get("/v1/deliveries").json()["deliveries"]
+    assert (listed["job"], listed["state"]) == (job_id, "given_up")
+    again = service.http.post(f"/v1/jobs/{job_id}/deliveries/{listed['id']}/redeliver")
+    assert (again.status_code, again.json()["state"], again.json()["attempts"]) == (202, "waiting", [])
+    assert service.http.get("/v1/deliveries").json()["deliveries"] == []
+    assert send_due(engine, poster) == [DeliveryState.DELIVERED]
+    assert len({headers["webhook-id"] for headers, _ in receiver.got}) == 1
+    unknown = service.http.post(f"/v1/jobs/{job_id}/deliveries/msg_7/redeliver")
+    assert_problem(unknown, 404, "delivery_not_found", "msg_7")

@@ -1,0 +1,76 @@
+"""A tenant stores no more than its quota, and no upload fills the disk."""
+
+import shutil
+from collections import namedtuple
+from typing import Any
+
+import pytest
+
+from service.settings import MIB
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
+
+pytestmark = pytest.mark.storages
+LARGE = TRIANGLE_OBJ + b"#" * (600 * 1024)
+Usage = namedtuple("Usage", "total used free")
+
+
+def limited(service: Service, **settings: Any) -> None:
+    """Change settings of the running service."""
+    for name, value in settings.items():
+        service.settings.__dict__[name] = value
+
+
+def refused(service: Service, reason: str) -> float:
+    wanted = f'cusp_uploads_refused_total{{reason="{reason}"}} '
+    lines = [line for line in service.http.get("/metrics").text.splitlines() if line.startswith(wanted)]
+    return float(lines[0].removeprefix(wanted)) if lines else 0.0
+
+
+def test_a_tenant_stores_no_more_than_its_quota(service: Service) -> None:
+    limited(service, tenant_quota_mib=1)
+    first = service.http.put("/v1/blobs", content=LARGE)
+    assert first.status_code == 200
+    for answer in (
+        service.http.put("/v1/blobs", content=LARGE + b"#"),
+        service.submit(scan=("s.obj", LARGE)),
+    ):
+        assert_problem(answer, 507, "quota_exceeded", "of 1")
+        assert answer.headers["retry-after"] == "300"
+    assert refused(service, "quota") == 2
+    assert service.http.get("/v1/limits").json()["tenant_stored_mib"] == pytest.approx(0.586, abs=0.001)
+    limited(service, tenant_quota_mib=0)
+    assert service.http.put("/v1/blobs", content=LARGE + b"#").status_code == 200
+
+
+def test_results_count_and_a_removed_job_gives_its_room_back(service: Service) -> None:
+    before = service.jobs.stored_bytes("default")
+    job_id = service.finished()
+    files = service.http.get(f"/v1/jobs/{job_id}/files").json()["files"]
+    mesh = len(TRIANGLE_OBJ)
+    assert service.jobs.stored_bytes("default") == before + mesh + sum(file["size"] for file in files)
+    service.http.delete(f"/v1/jobs/{job_id}")
+    assert service.jobs.stored_bytes("default") == before + mesh
+    assert service.jobs.stored_bytes("another") == 0
+
+
+def test_a_repeated_request_is_answered_beyond_the_quota(service: Service) -> None:
+    headers = {"Idempotency-Key": "order-7"}
+    ref = {"blob": service.http.put("/v1/blobs", content=LARGE).json()["id"], "filename": "a.obj"}
+    body = {"design": ref, "scan": ref}
+    first = service.http.post("/v1/jobs", json=body, headers=headers)
+    service.http.put("/v1/blobs", content=LARGE + b"##")
+    limited(service, tenant_quota_mib=1)
+    assert service.http.post("/v1/jobs", json=body, headers=headers).json()["id"] == first.json()["id"]
+    assert_problem(service.http.post("/v1/jobs", json=body), 507, "quota_exceeded")
+
+
+def test_an_upload_that_would_fill_the_disk_is_refused(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = service.settings.min_free_disk_mib * MIB
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(kept * 2, kept - 1, kept + len(TRIANGLE_OBJ)))
+    assert service.http.put("/v1/blobs", content=TRIANGLE_OBJ).status_code == 200
+    for answer in (service.http.put("/v1/blobs", content=LARGE), service.submit()):
+        assert_problem(answer, 507, "storage_full", "are kept free")
+        assert answer.headers["retry-after"] == "60"
+    assert refused(service, "disk") == 2
