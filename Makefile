@@ -58,7 +58,7 @@ nightly: $(READY) servers ## the long tests: 2,400 broken meshes, 100,000 change
 coverage: $(READY) servers ## the tests of `make test` in one process, with the coverage of both packages
 	$(PYTEST) --cov=pipeline --cov=service --cov-report=term
 
-servers: # PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
+servers: | $(READY) # after it, as both may need apt. PostgreSQL, which tests start themselves (Debian keeps its commands off the PATH), and a browser
 	@if command -v chromium >/dev/null; then :; elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core >/dev/null || true; \
 	else echo "No Chromium is installed (apt-get install chromium): tests of the page are skipped."; fi

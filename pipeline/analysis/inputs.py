@@ -91,6 +91,13 @@ class InputMesh:
             if filled := int(report["filled_voids"]):
                 detail += f"; {filled} thin voids between them, of unlike triangles, are filled"
             notes.append(Note(code="bodies_united", detail=detail))
+        if within := int(report.get("faces_within_others", 0)):
+            detail = (
+                f"{self.name}: {within} triangles ({float(report['area_within_others_mm2']):.4g} mm²) of "
+                "bodies with small holes, or within such bodies, lie inside the part, are left out and are "
+                "not measured; close the holes, so that the bodies can be united"
+            )
+            notes.append(Note(code="within_open_bodies", detail=detail))
         # the pieces of a scan are open because the scanner saw no more
         if self.name == "design" and (apart := int(report.get("bodies_not_united", 0))):
             detail = (

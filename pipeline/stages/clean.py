@@ -12,6 +12,7 @@ from pipeline.core.settings import CleanSettings
 from pipeline.kernels import remesh, topology
 from pipeline.kernels.rows import group_rows
 from pipeline.stages.bodies import unite
+from pipeline.stages.open_bodies import within_others
 
 #: Min number of triangles: a tetrahedron is the smallest closed surface (derived).
 MIN_FACES = 4
@@ -70,6 +71,12 @@ def clean(mesh: Mesh, name: str, settings: CleanSettings, body_of_face: IntArray
             old_of_new = np.where(united.old_of_new < 0, -1, first[united.old_of_new])
             report |= united.report
             total = len(faces) + int((~whole).sum())
+        if name == "design":  # what a scanner saw within is measured
+            inside = within_others(vertices, faces, edges.of(faces))
+            if inside.any():
+                report["faces_within_others"] = int(inside.sum())
+                report["area_within_others_mm2"] = float(Mesh(vertices, faces).face_areas_mm2()[inside].sum())
+                faces, total = faces[~inside], total - int(inside.sum())
     faces, _ = _keep(faces, ~_degenerate(Mesh(vertices, faces)))
     report["degenerate_faces"] = total - len(faces)
     faces, report["duplicate_faces"] = _keep(faces, _first_of_each(np.sort(faces, axis=1)))

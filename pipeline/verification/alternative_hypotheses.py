@@ -36,8 +36,10 @@ from pipeline.verification.evidence import (
 from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorCheck
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.scan_quality import ScannerQuality
+from pipeline.verification.size_evidence import assess_size
 from pipeline.verification.surface_evidence import assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, HYPOTHESES, UNIT_FACTORS, VERDICT
+from pipeline.verification.tight_fit import TightFit
 from pipeline.verification.unreflected import register_unreflected
 
 
@@ -59,9 +61,9 @@ def verify_hypotheses(
     checks.
     """
     settings = job.settings.registration
-    unit_factor = mirrored = None
+    unit_factor = loose_factor = mirrored = None
     if not fits(registered.registration, quality, settings):
-        rescaled = check_other_units(registered.scan, quality, design, job)
+        rescaled, loose_factor = check_other_units(registered.scan, quality, design, job)
         if rescaled is not None:
             unit_factor, registered = rescaled
     rms_mm = registered.registration.fit.truncated_rms_mm
@@ -70,15 +72,18 @@ def verify_hypotheses(
         if mirrored.same_part is not None:
             registered = register_unreflected(registered, T_design_mirrored, design, job)
     registered, symmetric = add_equivalent_poses(registered, design, job)
-    return registered, HypothesisChecks(unit_factor, mirrored, symmetric)
+    return registered, HypothesisChecks(unit_factor, mirrored, symmetric, loose_factor)
 
 
 def check_other_units(
     scan: Analysis, quality: ScannerQuality, design: DesignModel, job: JobParameters
-) -> tuple[float, RegisteredScan] | None:
-    """The unit factor under which the scan fits the design, nearest in size first, or None."""
+) -> tuple[tuple[float, RegisteredScan] | None, float | None]:
+    """The unit factor under which the scan fits the design as `ok` asks, nearest in size first, or None; and
+    one under which it lies on the design, but not so tightly, where there is none that does.
+    """
     diagonal_mm, settings = design.diagonal_mm, job.settings.registration
     ratio = scan.mesh.diagonal_mm / diagonal_mm
+    loose_factor: float | None = None
     likely = [
         factor
         for factor in UNIT_FACTORS
@@ -100,12 +105,17 @@ def check_other_units(
         is_tight = registered.registration.fit.truncated_rms_mm <= tight_mm
         is_whole = scaled.diagonal_mm >= HYPOTHESES.whole_part_ratio * diagonal_mm
         is_held = is_whole or not registered.registration.observability.unconstrained
-        if is_tight and is_held and fits(registered.registration, quality, settings):
-            no_symmetry = (False,) * len(registered.registration.alternatives)
-            checks = HypothesisChecks(factor, None, no_symmetry)
-            if same_part(Case.of(registered, checks, quality, design, job)) >= VERDICT.ok_same_part:
-                return factor, registered
-    return None
+        if not (is_tight and is_held and fits(registered.registration, quality, settings)):
+            continue
+        no_symmetry = (False,) * len(registered.registration.alternatives)
+        checks = HypothesisChecks(factor, None, no_symmetry)
+        case = Case.of(registered, checks, quality, design, job)
+        part = same_part(case)
+        if part >= VERDICT.ok_same_part and case.tight_fit.holds():
+            return (factor, registered), None
+        if loose_factor is None and part >= VERDICT.other_part:
+            loose_factor = factor
+    return None, loose_factor
 
 
 def check_mirror_image(
@@ -121,13 +131,14 @@ def check_mirror_image(
     search = search_pose(model, design.surface, matching, settings.registration, thorough=False)
     inlier_mm, best = registration.inlier_distance_mm, search.best
     by_samples_mm = float(np.sqrt(best.cost_mm2))
-    limit_mm = settings.registration.mirror_gain * registration.fit.truncated_rms_mm
+    gain_mm = settings.registration.mirror_gain * registration.fit.truncated_rms_mm
+    limit_mm = max(gain_mm, VERDICT.mirror_better_ratio * registration.fit.truncated_rms_mm)
     if by_samples_mm > HYPOTHESES.mirror_sample_margin * limit_mm:  # no need to look at every vertex
-        return MirrorCheck(by_samples_mm, None, None), best.T_design_scan
+        return MirrorCheck(by_samples_mm), best.T_design_scan
     fit = evaluate_fit(model.mesh, model.mesh.weights(), design.surface, best.T_design_scan, inlier_mm)
     rms_mm, of_scan_mm = fit.truncated_rms_mm, registration.fit.truncated_rms_mm
     if rms_mm > limit_mm:
-        return MirrorCheck(rms_mm, None, None), best.T_design_scan
+        return MirrorCheck(rms_mm), best.T_design_scan
     placed = PlacedScan(
         model.mesh,
         fit,
@@ -147,8 +158,12 @@ def check_mirror_image(
         design.matching_mm,
     )
     ratios = [score_ratio(pose.score_mm2, best.score_mm2, design.diagonal_mm) for pose in search.alternatives]
+    if rms_mm > gain_mm:
+        return MirrorCheck(rms_mm, detail_mm=surfaces.detail_mm), best.T_design_scan
     values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
     values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
     values["coverage"] = log_coverage(best.coverage)
     part, pose = (probability(model, values) for model in (CONFIDENCE.same_part, CONFIDENCE.pose))
-    return MirrorCheck(rms_mm, part, pose), best.T_design_scan
+    strain = assess_size(model.mesh, fit, design.surface, inlier_mm, job.seed)
+    tight = TightFit(rms_mm, surfaces, strain, quality, design.diagonal_mm)
+    return MirrorCheck(rms_mm, surfaces.detail_mm, part, pose, tight.holds()), best.T_design_scan

@@ -24,6 +24,7 @@ from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.size_evidence import assess_size
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from pipeline.verification.thresholds import CONFIDENCE, VERDICT, LogisticModel
+from pipeline.verification.tight_fit import TightFit
 
 #: What each piece of evidence measures, for people.
 DETAILS = {
@@ -103,6 +104,11 @@ class Case:
         """Truncated RMS distance of the scan to the design."""
         return self.registration.fit.truncated_rms_mm
 
+    @property
+    def tight_fit(self) -> TightFit:
+        """How the scan fits, beside the evidence."""
+        return TightFit(self.rms_mm, self.surfaces, self.strain, self.quality, self.diagonal_mm)
+
     def is_loose(self, settings: RegistrationSettings) -> bool:
         return is_loose(self.rms_mm, self.diagonal_mm, settings)
 
@@ -120,9 +126,13 @@ class Case:
         return any(ratio < required for ratio in self.alternative_ratios())
 
     def mirror_fits_better(self) -> bool:
-        """Whether the mirrored scan leaves clearly less."""
+        """Whether the mirrored scan leaves clearly less, and not only of smooth distortion: on a part that is
+        nearly its own mirror image a warp may fit either better.
+        """
         mirrored = self.checks.mirrored
-        return mirrored is not None and mirrored.rms_mm < VERDICT.mirror_better_ratio * self.rms_mm
+        if mirrored is None or mirrored.rms_mm >= VERDICT.mirror_better_ratio * self.rms_mm:
+            return False
+        return mirrored.detail_mm is None or mirrored.detail_mm <= self.surfaces.detail_mm
 
 
 def holds_for(settings: Settings) -> bool:

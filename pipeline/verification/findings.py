@@ -4,7 +4,6 @@ from pipeline.core.results import Finding, VerdictStatus
 from pipeline.core.settings import RegistrationSettings
 from pipeline.kernels.surface_patches import Patch
 from pipeline.verification.evidence import Case
-from pipeline.verification.size_evidence import is_other_size, is_stretched
 from pipeline.verification.thresholds import UNIT_FACTORS, VERDICT
 
 
@@ -40,7 +39,7 @@ def other_part(case: Case, probability: float) -> list[Finding]:
 def high_residual(case: Case) -> list[Finding]:
     """The scan lies farther off than a scan of the part may for `ok`."""
     limit_mm, inlier_mm = case.quality.residual_limit_mm, case.registration.inlier_distance_mm
-    if case.rms_mm <= limit_mm:
+    if case.tight_fit.is_near:
         return []
     detail = (
         f"the scan is {case.rms_mm:.3g} mm off the design (RMS, each distance counted as at most "
@@ -82,11 +81,11 @@ def differences(case: Case) -> list[Finding]:
 
 def size_differences(case: Case) -> list[Finding]:
     """The scan is longer along one direction, or larger, than a print of the design."""
-    strain, accuracy_mm = case.strain, case.quality.accuracy_mm or 0.0
+    strain, fit = case.strain, case.tight_fit
     if strain is None:
         return []
     found = []
-    if is_stretched(strain, accuracy_mm):
+    if fit.is_stretched:
         low, middle, high = strain.principal
         column, word = (2, "longer") if high - middle >= middle - low else (0, "shorter")
         axis = ", ".join(f"{x:.2f}" for x in strain.axes[:, column])
@@ -96,7 +95,7 @@ def size_differences(case: Case) -> list[Finding]:
             "(RMS over patches) beside it; see scale.per_axis"
         )
         found.append(Finding(code="stretched", detail=detail, value=strain.spread))
-    if is_other_size(strain, accuracy_mm):
+    if fit.is_other_size:
         word = "larger" if strain.mean > 0 else "smaller"
         detail = (
             f"the scan is {100 * abs(strain.mean):.1f} % {word} than the design along all directions, more "
@@ -109,8 +108,7 @@ def size_differences(case: Case) -> list[Finding]:
 def flat_scan(case: Case) -> list[Finding]:
     """The scan is a flat piece: what holds it in its plane is its outline alone, which may be a cut."""
     thickness_mm = case.surfaces.thickness_mm
-    flat_mm = max(VERDICT.flat_noises * (case.quality.noise_mm or 0.0), VERDICT.flat_share * case.diagonal_mm)
-    if thickness_mm > flat_mm:
+    if not case.tight_fit.is_flat:
         return []
     detail = (
         f"the scan is flat to {thickness_mm:.3g} mm (RMS): it fits on any flat of its size, and only edges "
@@ -127,8 +125,8 @@ def what_would_settle(case: Case) -> list[Finding]:
             "either may settle whether the scan is of this part"
         )
         return [Finding(code="accuracy_unknown", detail=detail, value=None)]
-    share = case.quality.accuracy_mm / case.diagonal_mm
-    if share > VERDICT.max_accuracy_share:
+    if case.tight_fit.is_too_coarse:
+        share = case.quality.accuracy_mm / case.diagonal_mm
         detail = (
             f"the stated accuracy of the scanner is {share:.1%} of the size of the design; a scanner with "
             f"less than {VERDICT.max_accuracy_share:.0%} is needed to vouch for the pose"
@@ -167,17 +165,28 @@ def unit_factor(factor: float) -> Finding:
     return Finding(code="unit_factor", detail=detail, value=factor)
 
 
+def other_unit(case: Case) -> list[Finding]:
+    """In another unit the scan would lie on the design, but not as surely as `units_suspect` asks."""
+    factor = case.checks.loose_unit_factor
+    if factor is None:
+        return []
+    detail = (
+        f"multiplied by {factor:.6g} ({UNIT_FACTORS[factor]}) the scan would lie on the design, but not as "
+        "tightly as a scan of the part; if that is its unit, set it in options.units and submit again"
+    )
+    return [Finding(code="other_unit_fits", detail=detail, value=factor)]
+
+
 def mirrored(case: Case, settings: RegistrationSettings) -> Finding | None:
-    """The scan is the mirror image of the part: it fits far better than the scan itself, and as surely as
-    `ok` asks; None where it does not.
+    """The scan is the mirror image of the part: it fits far better than the scan itself, and as surely and
+    tightly as `ok` asks; None where it does not.
     """
     check = case.checks.mirrored
-    if check is None or check.same_part is None or check.pose is None:
+    if check is None or check.same_part is None or check.pose is None or not check.is_tight:
         return None
     if check.same_part < VERDICT.ok_same_part or check.pose < VERDICT.ok_pose:
         return None
-    limit_mm = case.quality.residual_limit_mm
-    if check.rms_mm > limit_mm or check.rms_mm > settings.mirror_gain * case.rms_mm:
+    if check.rms_mm > settings.mirror_gain * case.rms_mm:
         return None
     detail = (
         f"the mirror image of the scan lies {check.rms_mm:.3g} mm off the design (RMS), the scan itself "

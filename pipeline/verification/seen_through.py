@@ -6,6 +6,7 @@ says so. On a right part the way leads through air; here it starts in material, 
 visible distances at least, deeper in it than noise explains.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,8 @@ from scipy.sparse import csr_matrix
 from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.kernels import rigid
 from pipeline.kernels.nearest import nearest
+from pipeline.kernels.surface import Surface
 from pipeline.kernels.surface_patches import Patch, adjacency_of, largest_patch
-from pipeline.verification.chord_errors import ChordErrors
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.thresholds import DIFFERENCE
 
@@ -36,13 +37,18 @@ class _Looking:
     areas_mm2: FloatArray
 
 
-def seen_through_patch(scan: PlacedScan, surfaces: ChordErrors, signed_mm: FloatArray) -> Patch | None:
+def seen_through_patch(
+    scan: PlacedScan,
+    design: Surface,
+    visible_mm: float,
+    explained: Callable[[], BoolArray] | None = None,
+) -> Patch | None:
     """The largest patch of the scan, in the design's frame, that lies behind material of the design; its
     value is the depth in that material. None for a cloud whose file does not say where its scanner stood.
 
-    signed_mm : (n,) of the vertices of the scan, + outside the design
+    explained : (n,) the vertices of the scan that only chords lie off (`ChordErrors.explain_scan`), asked for
+    where there is a patch
     """
-    design, visible_mm = surfaces.design, surfaces.visible_mm
     looking = _towards_scanner(scan) if scan.surface is None else _along_normals(scan)
     if looking is None:
         return None
@@ -66,9 +72,9 @@ def seen_through_patch(scan: PlacedScan, surfaces: ChordErrors, signed_mm: Float
         return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
 
     found = patch_of(behind)
-    if found is None or scan.surface is None:  # the points of a cloud have no chords
+    if found is None or explained is None or scan.surface is None:  # places of a cloud are no vertices
         return found
-    return patch_of(behind & ~surfaces.explain_scan(scan.fit.closest.face, signed_mm))
+    return patch_of(behind & ~explained())
 
 
 def _along_normals(scan: PlacedScan) -> _Looking:

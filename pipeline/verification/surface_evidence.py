@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray, Mesh
 from pipeline.kernels import rigid, topology
 from pipeline.kernels.patches import patch_means
 from pipeline.kernels.surface import Surface
@@ -75,15 +75,19 @@ def assess_surfaces(
             values = _on_working_mesh(values, weights, scan.working_of_clean, len(at))[0]
         return off_patch(at, ends, area_mm2 * share_of_area, values, visible_mm, min_area_mm2, inlier_mm)
 
+    def explained() -> BoolArray:
+        """(n,) the vertices of the scan that only chords of the design lie off"""
+        return chord_errors.explain_scan(fit.closest.face, signed)
+
     patch = scan_patch(signed)
     if patch is not None:
-        patch = scan_patch(np.where(chord_errors.explain_scan(fit.closest.face, signed), 0.0, signed))
+        patch = scan_patch(np.where(explained(), 0.0, signed))
     return SurfaceEvidence(
         normal_agreement=float(np.average(agrees, weights=np.maximum(placed.weights(), 1e-15))),
         detail_mm=float(np.sqrt((share * mean**2).sum() / max(float(share.sum()), 1e-300))),
         scan_patch=patch,
         design_patch=missing_patch(chord_errors, working_design, inlier_mm, min_area_mm2),
-        through_patch=seen_through_patch(scan, chord_errors, signed),
+        through_patch=seen_through_patch(scan, design, visible_mm, explained),
         thickness_mm=_thickness_mm(fit.moved, weights),
     )
 

@@ -20,7 +20,7 @@ class VerdictThresholds:
     weak_eigenvalue : of the point-to-plane Hessian (rotations scaled by the RMS radius, dimensionless), below
     which `weakly_constrained` is reported. Chosen by hand
     mirror_better_ratio : residual of the mirrored scan over that of the scan, below which the pose is not
-    `ok`. Chosen by hand
+    `ok`, where its difference of shape is not larger. Chosen by hand
     tie_ratio : score ratio below which nothing tells two poses apart. Chosen by hand
     ok_same_part, ok_pose : probabilities from which on a pose is `ok`; below, it is `uncertain`. Chosen by
     hand on the halves that a fit had not seen: no other part reached 0.8 there

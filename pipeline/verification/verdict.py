@@ -19,15 +19,16 @@ HAS_POSE: frozenset[VerdictStatus] = frozenset(
 def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     """The verdict on one registration.
 
-    units_suspect : the scan fits after its numbers are multiplied by a unit factor, and not without;
+    units_suspect : the scan fits as `ok` asks after its numbers are multiplied by a unit factor, and not
+    without;
     mirrored : the mirrored scan fits as `ok` asks, and leaves less than `mirror_gain` of the residual;
     no_match : too little of the scan lies on the design (`min_fitness`, `min_coverage`), or the evidence says
     that it is another part (`other_part`);
     under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or
     `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
-    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`), but not
-    by `mirror_gain`;
+    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`) and
+    differs less in shape, but not by `mirror_gain`, or not as `ok` asks;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
     below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, another
     size along one direction or all, or a flat scan;
@@ -47,8 +48,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         *findings.flat_scan(case),
     ]
     is_sure = part >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose
-    accuracy_mm = case.quality.accuracy_mm or 0.0
-    is_sure = is_sure and accuracy_mm <= VERDICT.max_accuracy_share * case.diagonal_mm
+    is_sure = is_sure and not case.tight_fit.is_too_coarse
     status = _status(
         case,
         settings,
@@ -65,7 +65,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     reasons += [*too_little, *other_part]
     if has_pose:
         reasons += [*uncertain, *findings.loose_fit(case, settings)]
-    reasons += findings.mirror_fits_better(case, status)
+    reasons += [*findings.mirror_fits_better(case, status), *findings.other_unit(case)]
     if status == "uncertain" and (not is_sure or findings.high_residual(case)):
         reasons += findings.what_would_settle(case)
     reasons += [

@@ -53,6 +53,7 @@ from tests.accuracy.bench import read
 from tests.accuracy.gauntlet_scans import Printed, printed
 from tests.accuracy.gauntlet_specs import (
     CONDITIONS,
+    DEPTH_CAMERA_ACCURACY_MM,
     DEPTH_CAMERA_TOLERANCE,
     GEAR_TEETH,
     RACK_PITCH_MM,
@@ -217,12 +218,17 @@ def _depth_camera(spec: Spec) -> Case:
     data = data_folder()
     assert data is not None, "specs() leaves out files where there are none"
     folder = data / spec.shape
-    design, scan = read(folder / "cad_mm.stl"), read(folder / f"scan_mm_{spec.condition}.ply")
+    kind, is_stated = spec.condition.removesuffix(", stated"), spec.condition.endswith(", stated")
+    design, scan = read(folder / "cad_mm.stl"), read(folder / f"scan_mm_{kind}.ply")
     poses = json.loads((folder / "gt.json").read_text())["T_scan_from_cad"]
     moved = shapes.motion(spec.seed, translation_mm=design.diagonal_mm) if spec.seed else np.eye(4)
     truths = tuple(np.linalg.inv(moved @ np.array(pose)) for pose in poses)
     expected, tolerance = frozenset({"ok", "uncertain"}), DEPTH_CAMERA_TOLERANCE
-    return Case(spec.name, spec.group, design, scan.moved(moved), truths, expected, tolerance)
+    accuracy_mm = DEPTH_CAMERA_ACCURACY_MM if is_stated else None
+    scan = scan.moved(moved)
+    return Case(
+        spec.name, spec.group, design, scan, truths, expected, tolerance, scan_accuracy_mm=accuracy_mm
+    )
 
 
 def _stranger(spec: Spec) -> Case:

@@ -140,7 +140,7 @@ def test_a_job_that_fails_says_why(watched: Watched, design: Path, tmp_path: Pat
 
 
 def test_the_part_of_a_design_is_chosen_where_the_job_says_there_are_several(
-    watched: Watched, plate: Path, scan: Path, running: RunningService
+    watched: Watched, plate: Path, scan: Path
 ) -> None:
     page = watched.page
     expect(page.locator("#design-part")).to_be_hidden()  # folded: most files need none of it
@@ -156,18 +156,26 @@ def test_the_part_of_a_design_is_chosen_where_the_job_says_there_are_several(
     expect(page.locator(".slot[data-mesh=design] output")).to_contain_text("plate.stl")
     expect(page.locator("#design-part")).to_be_focused()
     page.fill("#design-part", "blob")
-    page.click("#go")
+    with page.expect_request("**/v1/jobs") as sent:
+        page.click("#go")
+    assert sent.value.post_data_json["options"] == {"design_part": "blob"}
     expect(page.locator("#failed")).to_be_hidden()
-    job = finished(page)
-    assert results(running, job)["provenance"]["inputs"]["design"]["part"] == "blob"
-    expect(page.locator("#warnings")).to_contain_text("1 blob is read (options.design_part)")
+    page.click("#cancel")
+    expect(page.locator("#failed")).to_contain_text("dismissed", timeout=JOB_MS)
 
-    page.click("#new-again")  # a new job on these meshes is on this part too
+
+def test_what_follows_a_job_on_one_part_is_on_that_part(
+    watched: Watched, plate: Path, scan: Path, running: RunningService
+) -> None:
+    job = running.successful(running.client.submit(plate, scan, {**QUICK, "design_part": "blob"}).id)
+    assert results(running, job.id)["provenance"]["inputs"]["design"]["part"] == "blob"
+    page = watched.open(job)
+    expect(page.locator("#warnings")).to_contain_text("1 blob is read (options.design_part)")
+    page.click("#new-again")
     expect(page.locator("#design-part")).to_have_value("blob")
     page.check("input[value=landmarks]")
     expect(page.locator("#reading")).to_be_hidden()  # the options of a registration
-    page.goto(f"{watched.server}/#{job}")
-    expect(page.locator(f'#result[data-shown="{job}"]')).to_be_visible()
+    watched.open(job)
     with page.expect_request("**/v1/jobs") as sent:
         page.click("#again")
     assert sent.value.post_data_json["options"]["design_part"] == "blob"

@@ -6,6 +6,7 @@ import io
 import random
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import laspy
@@ -38,6 +39,7 @@ EVIL_WORDS = [
 EVIL_BYTES = [b"\x00" * 4, b"\xff" * 4, b"\xff\xff\xff\x7f", b"\x00\x00\xc0\x7f", b"\x00\x00\x80\x7f"]
 
 
+@cache
 def sources() -> dict[str, bytes]:
     """A small closed mesh in each format."""
     shape = icosphere(10.0, 1)

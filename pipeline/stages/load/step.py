@@ -16,7 +16,7 @@ from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, Contents
 from pipeline.stages.load.extras import require
 from pipeline.stages.load.gltf import read_glb
-from pipeline.stages.load.step_process import tessellated
+from pipeline.stages.load.step_process import Tessellation
 from pipeline.stages.load.step_solids import split_solids
 from pipeline.stages.load.step_text import StepText, read_step_text
 from pipeline.stages.load.three_mf_left_out import listed
@@ -43,11 +43,12 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
     require("step", "a STEP")
     data = as_utf8(data).lstrip()
     text = read_step_text(data)
-    coarse = _bodies(tessellated(data, COARSE_MM), settings, text)
-    tolerance_mm = TESSELLATION_SHARE * _diagonal_mm(coarse)
-    if tolerance_mm == 0:
-        raise UnreadableFile("the surfaces of the STEP have no extent")
-    bodies = _solids(_bodies(tessellated(data, tolerance_mm), settings, text), text)
+    with Tessellation(data) as tessellation:
+        coarse = _bodies(tessellation.glb(COARSE_MM), settings, text)
+        tolerance_mm = TESSELLATION_SHARE * _diagonal_mm(coarse)
+        if tolerance_mm == 0:
+            raise UnreadableFile("the surfaces of the STEP have no extent")
+        bodies = _solids(_bodies(tessellation.glb(tolerance_mm), settings, text), text)
     _check_rounding(bodies, tolerance_mm)
     notes = [
         *_several(bodies, text),

@@ -12,9 +12,9 @@ from pipeline.core.stations import Stations
 from pipeline.kernels import rigid
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
+from pipeline.kernels.surface_patches import Patch
 from pipeline.stages.registration import evaluate_fit
 from pipeline.verification.placed_scan import PlacedScan
-from pipeline.verification.seen_through import seen_through_patch
 from pipeline.verification.surface_evidence import SurfaceEvidence, assess_surfaces
 from tests.support import shapes
 from tests.support.scanners.rays import seen_from
@@ -135,7 +135,7 @@ def test_a_floor_that_a_thin_rib_would_hide_shows_that_the_rib_is_missing() -> N
     assert off_mm < 4 * NOISE_MM  # on the floor
 
 
-def from_two_sides(scan: Mesh, T_design_scan: FloatArray) -> tuple[PlacedScan, PlacedScan]:
+def from_two_sides(scan: Mesh, design: Surface, T_design_scan: FloatArray) -> tuple[PlacedScan, PlacedScan]:
     """The vertices of a mesh as points, without and with the stations that saw them, in the scan frame."""
     middle, reach = scan.vertices.mean(axis=0), 5 * scan.diagonal_mm
     directions = np.array([[0.6, 0.0, 0.8], [-0.36, 0.48, -0.8]])
@@ -145,18 +145,22 @@ def from_two_sides(scan: Mesh, T_design_scan: FloatArray) -> tuple[PlacedScan, P
     positions = rigid.transformed(rigid.inverse(T_design_scan), middle + reach * directions)
     of_vertex = np.repeat(np.arange(2, dtype=np.int32), [each.sum() for each in seen])
     _, of_clean = nearest(working.vertices, points.vertices)
-    fit = evaluate_fit(points, points.weights(), Surface(scan), T_design_scan, INLIER_MM)
+    fit = evaluate_fit(points, points.weights(), design, T_design_scan, INLIER_MM)
     without = PlacedScan(points, fit, 1.0, working, of_clean, None)
     return without, replace(without, stations=Stations(positions, of_vertex))
 
 
 def test_of_points_the_way_to_the_scanner_shows_that_a_rib_is_missing() -> None:
     design, T = Surface(cover_design()), shapes.motion(2)
-    _, right = from_two_sides(cover_scanned(None), T)
-    assert seen_through_patch(right, design, 4 * NOISE_MM) is None
-    unknown, known = from_two_sides(cover_scanned("rib missing"), T)
-    assert seen_through_patch(unknown, design, 4 * NOISE_MM) is None  # points have no outer side
-    patch = seen_through_patch(known, design, 4 * NOISE_MM)
+
+    def through(placed: PlacedScan) -> Patch | None:
+        return assess_surfaces(placed, design, design.mesh, INLIER_MM, NOISE_MM).through_patch
+
+    _, right = from_two_sides(cover_scanned(None), design, T)
+    assert through(right) is None
+    unknown, known = from_two_sides(cover_scanned("rib missing"), design, T)
+    assert through(unknown) is None  # points have no outer side
+    patch = through(known)
     assert patch is not None and patch.peak > 4 * NOISE_MM
     assert Surface(cover_part("rib missing")).closest(patch.centre_mm[None]).distance[0] < 4 * NOISE_MM
 

@@ -70,6 +70,30 @@ def test_a_mirrored_scan_is_told(tmp_path: Path) -> None:
     assert all(np.linalg.det(np.array(pose.matrix)[:3, :3]) > 0 for pose in result.alternatives)
 
 
+def dented(part: Mesh) -> Mesh:
+    """The part with 3 mm of material missing in one place."""
+    farthest = part.vertices[int(part.vertices[:, 2].argmax())]
+    near = np.linalg.norm(part.vertices - farthest, axis=1) < 5.0
+    return Mesh(part.vertices - 3.0 * near[:, None] * part.vertex_normals(), part.faces)
+
+
+@pytest.mark.parametrize("kind", ["mirrored", "inches"])
+def test_neither_mirrored_nor_in_another_unit_where_material_is_missing_too(
+    tmp_path: Path, kind: str
+) -> None:
+    """What `ok` would not accept of the scan itself does not accuse it either: at most a finding."""
+    scan = noisy(dented(shapes.bumpy_blob(4, triangulation=2)), 6)
+    changed = {
+        "mirrored": Mesh(scan.vertices * [-1.0, 1, 1], scan.faces[:, ::-1]),
+        "inches": Mesh(scan.vertices / 25.4, scan.faces),
+    }[kind]
+    design = save(shapes.bumpy_blob(4), tmp_path / "design.stl")
+    result = register(design, save(changed, tmp_path / "scan.ply"), settings=QUICK)
+    assert result.verdict.status in {"no_match", "ambiguous", "uncertain"}
+    assert {"mirrored": "mirror_fits_better", "inches": "other_unit_fits"}[kind] in codes(result)
+    assert not {"mirrored", "unit_factor"} & codes(result)
+
+
 def test_an_exactly_symmetric_part_is_ok_with_its_other_poses(tmp_path: Path) -> None:
     part = cross(4)
     design, scan = save(part, tmp_path / "design.ply"), save(noisy(part, 3), tmp_path / "scan.ply")

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 from scipy.spatial.transform import Rotation
 
 from pipeline.core.mesh import BoolArray, FloatArray, Mesh
+from pipeline.kernels import topology
 from tests.support.scanners.rays import first_hits
 from tests.support.scanners.record import SimulatedScan, random_direction
 
@@ -29,6 +30,9 @@ QUANTUM_SHARE = 0.3
 FLYING_SHARE = 0.3
 #: Depth difference of neighbours that ends the surface, in pixel widths and noise.
 JUMP_PIXELS, JUMP_NOISES = 4.0, 6.0
+#: Of what the camera looks at, share that shows the outside of an open part, in a view that is taken, of so
+#: many tries. A print is solid behind an open surface: from behind, a camera would see what no design shows.
+MIN_FRONT_SHARE, MAX_TRIES = 0.5, 100
 #: Degree of the polynomial distortion of the depth over the image.
 DISTORTION_DEGREE = 3
 
@@ -44,19 +48,26 @@ class Camera:
 
 
 def depth_camera(part: Mesh, camera: Camera, rng: np.random.Generator) -> SimulatedScan:
-    """One view of `part` from a random direction."""
-    looks = -random_direction(rng)
-    across = Rotation.align_vectors([looks], [[0.0, 0.0, 1.0]])[
-        0
-    ].as_matrix()  # columns: right, down, forward
-    centre = (part.vertices.min(axis=0) + part.vertices.max(axis=0)) / 2
-    distance_mm = STAND_OFF * part.diagonal_mm
-    eye = centre - distance_mm * looks
+    """One view of `part` from a random direction, which sees the outside of an open part."""
     ticks = np.linspace(-0.5, 0.5, PIXELS) * part.diagonal_mm
     u, v = np.meshgrid(ticks, ticks, indexing="xy")
+    distance_mm = STAND_OFF * part.diagonal_mm
     rays = np.stack([u, v, np.full_like(u, distance_mm)], axis=-1).reshape(-1, 3)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    range_mm, normals = first_hits(part, np.broadcast_to(eye, rays.shape), rays @ across.T)
+    centre = (part.vertices.min(axis=0) + part.vertices.max(axis=0)) / 2
+    is_open = bool(topology.border_vertices(part.faces, len(part.vertices)).any())
+    for _ in range(MAX_TRIES):
+        looks = -random_direction(rng)
+        # columns: right, down, forward
+        across = Rotation.align_vectors([looks], [[0.0, 0.0, 1.0]])[0].as_matrix()
+        eye = centre - distance_mm * looks
+        range_mm, normals = first_hits(part, np.broadcast_to(eye, rays.shape), rays @ across.T)
+        is_front = (not is_open) | (np.einsum("kd,kd->k", normals, rays @ across.T) < 0)
+        if is_front.sum() >= MIN_FRONT_SHARE * np.isfinite(range_mm).sum():
+            break
+    else:
+        raise ValueError("no view shows the outside of the part: its normals face inward")
+    range_mm[~is_front] = np.inf
     cosine = np.abs(np.einsum("kd,kd->k", normals, rays @ across.T)).reshape(u.shape)
     depth = range_mm.reshape(u.shape)
     seen = np.isfinite(depth)

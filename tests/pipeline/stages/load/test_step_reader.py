@@ -7,6 +7,7 @@ implementation of the standard.
 import math
 import re
 from importlib import util
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,10 +18,11 @@ from pipeline.core import errors
 from pipeline.core.formats import Format, detect_format
 from pipeline.core.mesh import Mesh
 from pipeline.core.settings import LoadSettings
-from pipeline.stages.load import extras, step
+from pipeline.stages.load import extras, step_process
 from pipeline.stages.load.contents import Contents, joined
 from pipeline.stages.load.parts import choose_part
 from pipeline.stages.load.step import TESSELLATION_SHARE, read_step
+from pipeline.stages.load.step_process import Tessellation
 from pipeline.stages.load.step_text import read_step_text
 from pipeline.stages.load.units import DECLARED
 from tests.support.step_files import CONVERTED, SCHEMAS, UNITS, Step, box, cylinder
@@ -292,21 +294,27 @@ def test_without_the_package_the_error_says_what_to_install(monkeypatch: pytest.
     )
 
 
-def test_a_crash_and_a_lack_of_memory_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    def ended(code: int, message: bytes = b"") -> None:
-        done = step_process.subprocess.CompletedProcess([], code, b"", message)
-        monkeypatch.setattr(step_process.subprocess, "run", lambda *_, **__: done)
+ENDS = {
+    "import os; os.kill(os.getpid(), 11)": (errors.UnreadableFile, "SIGSEGV"),
+    "import os; os.kill(os.getpid(), 9)": (MemoryError, "memory"),
+    "print(\"terminate after throwing an instance of 'std::bad_alloc'\", file=sys.stderr); sys.exit(134)": (
+        MemoryError,
+        "memory",
+    ),
+    "raise RuntimeError('no')": (errors.UnreadableFile, "RuntimeError: no"),
+    "sys.stdin.buffer.read(8); sys.exit(7)": (errors.UnreadableFile, "code 7"),
+}
 
-    from pipeline.stages.load import step_process
 
-    ended(-11)
-    with pytest.raises(errors.UnreadableFile, match="SIGSEGV"):
-        read(BOX)
-    ended(-6, b"terminate called after throwing an instance of 'std::bad_alloc'")
-    with pytest.raises(MemoryError):
-        read(BOX)
-    ended(1, b"Traceback\nRuntimeError: no")
-    with pytest.raises(errors.UnreadableFile, match="RuntimeError: no"):
+@pytest.mark.parametrize("end", ENDS)
+def test_a_crash_and_a_lack_of_memory_are_told_apart(
+    end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(f"import sys\n{end}\n")
+    monkeypatch.setattr(step_process, "PROGRAM", program)
+    kind, words = ENDS[end]
+    with pytest.raises(kind, match=words):
         read(BOX)
 
 
@@ -341,7 +349,7 @@ def test_a_changed_file_is_read_or_refused(at: int, evil: bytes, lost: int) -> N
 
 def test_the_first_tessellation_is_coarse_and_the_second_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[float] = []
-    original = step.tessellated
-    monkeypatch.setattr(step, "tessellated", lambda data, mm: (asked.append(mm), original(data, mm))[1])
+    original = Tessellation.glb
+    monkeypatch.setattr(Tessellation, "glb", lambda self, mm: (asked.append(mm), original(self, mm))[1])
     read(BOX)
     assert asked[1] == pytest.approx(TESSELLATION_SHARE * math.sqrt(1400), rel=1e-6)
