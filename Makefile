@@ -101,6 +101,7 @@ bench: $(READY) ## accuracy and time on formula shapes and, with CUSP_DATA, on r
 	$(BIN)/python -m tests.accuracy.budgets --large
 	$(BIN)/python -m tests.endurance.load
 	$(BIN)/python -m tests.endurance.chaos
+	$(BIN)/python -m tests.endurance.watchers
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt kiss-matcher
 	$(BIN)/python -m tests.accuracy.gauntlet --seeds 1 --peers --out gauntlet.jsonl
 
