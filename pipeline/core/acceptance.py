@@ -62,7 +62,7 @@ class SurfaceLimits(Limits):
     )
 
 
-class Box(_Part):
+class BoxRegion(_Part):
     """Between two corners, along the axes of the design."""
 
     kind: Literal["box"] = Field(description="kind of the region")
@@ -76,7 +76,7 @@ class Box(_Part):
         return self
 
 
-class Sphere(_Part):
+class SphereRegion(_Part):
     """Within a distance of a point."""
 
     kind: Literal["sphere"] = Field(description="kind of the region")
@@ -84,7 +84,7 @@ class Sphere(_Part):
     radius_mm: Length = Field(description="its radius")
 
 
-class Cylinder(_Part):
+class CylinderRegion(_Part):
     """Within a distance of a line, between its two ends."""
 
     kind: Literal["cylinder"] = Field(description="kind of the region")
@@ -99,14 +99,14 @@ class Cylinder(_Part):
         return self
 
 
-class Segments(_Part):
+class SegmentsRegion(_Part):
     """Segments of the design, by number. The same design and settings have the same segments every time."""
 
     kind: Literal["segments"] = Field(description="kind of the region")
     segments: list[Annotated[int, Field(ge=0)]] = Field(min_length=1, description="as in `segments.design`")
 
 
-class Faces(_Part):
+class FacesRegion(_Part):
     """Triangles of the design, by number."""
 
     kind: Literal["faces"] = Field(description="kind of the region")
@@ -115,7 +115,9 @@ class Faces(_Part):
     )
 
 
-Region = Annotated[Box | Sphere | Cylinder | Segments | Faces, Field(discriminator="kind")]
+Region = Annotated[
+    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | FacesRegion, Field(discriminator="kind")
+]
 
 
 class RegionLimits(SurfaceLimits):

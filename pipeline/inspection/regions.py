@@ -2,7 +2,14 @@
 
 import numpy as np
 
-from pipeline.core.acceptance import Box, Cylinder, Faces, Region, Segments, Sphere
+from pipeline.core.acceptance import (
+    BoxRegion,
+    CylinderRegion,
+    FacesRegion,
+    Region,
+    SegmentsRegion,
+    SphereRegion,
+)
 from pipeline.core.errors import UnknownRegion
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 
@@ -20,22 +27,22 @@ def members(
         When it names a segment or a triangle that the design does not have.
     """
     match region:
-        case Box():
+        case BoxRegion():
             inside = (points >= np.array(region.min_mm)) & (points <= np.array(region.max_mm))
             return np.asarray(inside.all(axis=1))
-        case Sphere():
+        case SphereRegion():
             away = np.linalg.norm(points - np.array(region.centre_mm), axis=1)
             return np.asarray(away <= region.radius_mm)
-        case Cylinder():
+        case CylinderRegion():
             start, axis = np.array(region.start_mm), np.array(region.end_mm) - np.array(region.start_mm)
             length = float(np.linalg.norm(axis))
             along = (points - start) @ (axis / length)
             away = np.linalg.norm(points - start - along[:, None] * (axis / length), axis=1)
             return np.asarray((along >= 0) & (along <= length) & (away <= region.radius_mm))
-        case Segments():
+        case SegmentsRegion():
             _known(region.segments, int(segment_of_face.max()) + 1, name, "segment")
             return np.isin(segment_of_face[face], region.segments)
-        case Faces():
+        case FacesRegion():
             _known(region.faces, len(segment_of_face), name, "triangle")
             return np.isin(face, region.faces)
 

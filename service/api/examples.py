@@ -209,5 +209,8 @@ def _job(status: Status) -> Any:
         finished_ms=1_790_000_004_210 if status.is_final else None,
         attempt=1 if has_started else 0,
         error=problem.model_dump(exclude_none=True) if problem else None,
+        verdict="ok" if status is Status.SUCCESSFUL else None,
+        decision="pass" if status is Status.SUCCESSFUL else None,
+        options={"reference": {"part_number": "BR-7", "serial": "0042", "batch": "2026-11"}},
     )
     return job_of(row)
