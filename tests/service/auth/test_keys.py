@@ -96,7 +96,7 @@ def test_every_address_but_the_probes_needs_a_key(
     for path, operations in paths.items():
         for method in operations:
             answer = service.http.request(
-                method, path.format(job_id="x", name="x", blob_id="x"), headers=header
+                method, path.format(job_id="x", name="x", blob_id="x", message="x"), headers=header
             )
             if path in OPEN:
                 assert answer.status_code != 401, path
