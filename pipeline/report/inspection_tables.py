@@ -22,50 +22,49 @@ def decision_box(inspection: Inspection | None) -> dict[str, object] | None:
     return {"words": words, "mood": mood, "reasons": inspection.reasons, "rule": inspection.rule}
 
 
-def inspection_tables(inspection: Inspection | None) -> list[Table]:
-    """The checks with their limits, and where the surface deviates most."""
-    if inspection is None or inspection.patch_mm is None:
+def check_tables(inspection: Inspection | None) -> list[Table]:
+    """The checks with their limits; none without any."""
+    if inspection is None or not inspection.checks:
         return []
-    tables = []
-    patch = f"Deviations are medians over patches of {inspection.patch_mm:.3g} mm diameter."
-    if inspection.checks:
-        tables.append(
-            Table(
-                "Checks",
+    return [
+        Table(
+            "Checks",
+            ("check", "value", "standard error", "lower limit", "upper limit", "result", "at, mm (design)"),
+            [_check_row(check) for check in inspection.checks],
+            frozenset({"value", "standard error", "lower limit", "upper limit"}),
+            f"{_patch(inspection)} Decision rule: {inspection.rule}.",
+        )
+    ]
+
+
+def extreme_tables(inspection: Inspection | None) -> list[Table]:
+    """Where the surface deviates most; none without a pose."""
+    if inspection is None or not inspection.extremes:
+        return []
+    return [
+        Table(
+            "Largest deviations",
+            ("deviation, mm", "standard error, mm", "area, mm²", "segment", "at, mm (design)"),
+            [
                 (
-                    "check",
-                    "value",
-                    "standard error",
-                    "lower limit",
-                    "upper limit",
-                    "result",
-                    "at, mm (design)",
-                ),
-                [_check_row(check) for check in inspection.checks],
-                frozenset({"value", "standard error", "lower limit", "upper limit"}),
-                f"{patch} Decision rule: {inspection.rule}.",
-            )
+                    signed(each.value_mm),
+                    _or_dash(each.uncertainty_mm),
+                    f"{each.area_mm2:.3g}",
+                    str(each.segment),
+                    _place(each.position_mm),
+                )
+                for each in inspection.extremes
+            ],
+            frozenset({"deviation, mm", "standard error, mm", "area, mm²", "segment"}),
+            f"{_patch(inspection)} The area deviates by at least half as much.",
         )
-    if inspection.extremes:
-        tables.append(
-            Table(
-                "Largest deviations",
-                ("deviation, mm", "standard error, mm", "area, mm²", "segment", "at, mm (design)"),
-                [
-                    (
-                        signed(each.value_mm),
-                        _or_dash(each.uncertainty_mm),
-                        f"{each.area_mm2:.3g}",
-                        str(each.segment),
-                        _place(each.position_mm),
-                    )
-                    for each in inspection.extremes
-                ],
-                frozenset({"deviation, mm", "standard error, mm", "area, mm²", "segment"}),
-                f"{patch} The area deviates by at least half as much.",
-            )
-        )
-    return tables
+    ]
+
+
+def _patch(inspection: Inspection) -> str:
+    if inspection.patch_mm is None:
+        return ""
+    return f"Deviations are medians over patches of {inspection.patch_mm:.3g} mm diameter."
 
 
 def reference_table(reference: Reference | None) -> list[Table]:

@@ -27,7 +27,12 @@ from pipeline.core.results import (
     Verdict,
 )
 from pipeline.report import tables
-from pipeline.report.inspection_tables import decision_box, inspection_tables, reference_table
+from pipeline.report.inspection_tables import (
+    check_tables,
+    decision_box,
+    extreme_tables,
+    reference_table,
+)
 from pipeline.report.numbers import fixed, millimetres, percent, signed
 from pipeline.report.render import MARGIN, View, four_views, picture
 from pipeline.report.sections import Drawing, Pictures, Section
@@ -106,9 +111,9 @@ def _width_mm(view: View, frame: FloatArray) -> float:
 def registration(result: RegistrationResult, views: PageViews, out: Path) -> str:
     """The page of a registration; the drawings are read from `out`."""
     deviation, has_pose = result.deviation, result.transform is not None
-    sections: list[Section] = [*reference_table(result.reference)]
+    sections: list[Section] = [*reference_table(result.reference), *check_tables(result.inspection)]
     sections += [] if views.placed is None else [views.placed]
-    sections += inspection_tables(result.inspection)
+    sections += extreme_tables(result.inspection)
     if deviation is not None:
         sections += _drawing(out, "Histogram of the deviation", "deviation_histogram.svg")
         sections += [tables.both_ways(deviation, result.deviation_of_design, result.metrics)]

@@ -60,9 +60,16 @@ def _inspection(inspection: dict[str, Any] | None, console: Console) -> None:
         console.print(f"  {reason}", highlight=False, markup=False)
     table = Table("check", "value", "limits", "", box=None, pad_edge=False)
     for check in inspection["checks"]:
-        limits = " to ".join(_measure(check[end], check["unit"]) for end in ("lower", "upper"))
-        table.add_row(check["name"], _measure(check["value"], check["unit"]), limits, PASSED[check["passed"]])
+        value = _measure(check["value"], check["unit"])
+        table.add_row(check["name"], value, _limits(check), PASSED[check["passed"]])
     console.print(table)
+
+
+def _limits(check: dict[str, Any]) -> str:
+    lower, upper = (_measure(check[end], check["unit"]) for end in ("lower", "upper"))
+    if check["lower"] is None or check["upper"] is None:
+        return f"at most {upper}" if check["lower"] is None else f"at least {lower}"
+    return f"{lower} to {upper}"
 
 
 def _measure(value: float | None, unit: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import pytest
 
+from pipeline.core.reference import Reference
 from pipeline.core.results import (
     Alternative,
     Evidence,
@@ -18,6 +19,7 @@ from pipeline.core.results import (
     VerdictStatus,
 )
 from pipeline.report import tables
+from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, reference_table
 from pipeline.report.page import MEANING, MOODS, _render
 
 STATUSES: tuple[VerdictStatus, ...] = get_args(VerdictStatus)
@@ -108,3 +110,38 @@ def test_the_quality_of_the_scan_is_among_the_metrics(stated: float | None, word
 def test_results_of_earlier_versions_have_no_quality_of_the_scan() -> None:
     rows = dict(tables.registration(example(scan=None)).rows)
     assert not [name for name in rows if "noise" in name or "stray" in name]
+
+
+def test_the_decision_on_the_part_comes_first_with_its_reasons() -> None:
+    result = example()
+    assert result.inspection is not None
+    reason = "highest: 0.300 mm is above its limit of 0.200 mm"
+    failed = result.inspection.model_copy(update={"decision": "fail", "reasons": [reason]})
+    made_by = MadeBy(version="0", libraries={}, settings={}, seed=0)
+    html = _render(
+        *("t", [], []),
+        inputs={},
+        made_by=made_by,
+        subtitle="",
+        verdict=verdict(),
+        decision=decision_box(failed),
+    )
+    text = " ".join(unescape(re.sub(r"<[^>]+>", " ", html[html.index("<body>") :])).split())
+    assert text.index("part: fail") < text.index(reason) < text.index("alignment: ok")
+
+
+def test_every_check_and_every_extreme_place_has_a_row() -> None:
+    inspection = example().inspection
+    assert inspection is not None
+    (checks,), (extremes,) = check_tables(inspection), extreme_tables(inspection)
+    assert [row[0] for row in checks.rows] == [check.name for check in inspection.checks]
+    assert {row[5] for row in checks.rows} <= {"passed", "failed", "not judged"}
+    assert len(extremes.rows) == len(inspection.extremes)
+    assert check_tables(None) == extreme_tables(None) == []
+
+
+def test_the_reference_names_the_part() -> None:
+    reference = Reference(serial="A-17", more={"shift": "2"})
+    (table,) = reference_table(reference)
+    assert table.rows == [("serial", "A-17"), ("shift", "2")]
+    assert reference_table(Reference()) == reference_table(None) == []
