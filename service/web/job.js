@@ -10,7 +10,7 @@ import { meshes, time } from './words.js';
 
 const BOTH = ['load', 'clean', 'resample', 'geodesics', 'segmentation', 'features', 'landmarks'];
 const STAGES = {
-  registration: [...BOTH, 'matching', 'registration', 'deviation', 'report'],
+  registration: [...BOTH, 'matching', 'registration', 'deviation', 'inspection', 'report'],
   landmarks: [...BOTH, 'report'],
   study: ['load', 'clean', 'study', 'report'],
 };

@@ -34,10 +34,11 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     page.fill("input[name=scan_accuracy_mm]", "0.02")
     page.fill("input[name=label]", "seen in a browser")
     page.click("#go")
-    expect(page.locator("#stages li")).to_have_count(11)  # it tells how far it is
+    expect(page.locator("#stages li")).to_have_count(12)  # it tells how far it is
     job_id = finished(page)
     expect(page.locator("#progress-box")).to_be_hidden()
     expect(page.locator("#status")).to_have_text("alignment: ok")
+    expect(page.locator("#decided")).to_have_text("part: not judged")  # no limits were sent
     expect(page.locator("#figures div", has_text="scanner accuracy")).to_contain_text("0.02 mm")
     expect(page.locator("#job-title")).to_contain_text("seen in a browser")
     expect(page.locator("#job-made")).to_contain_text("design.stl ← scan.stl")
@@ -57,6 +58,12 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     expect(row.locator("a")).to_have_attribute("href", f"#{job_id}")
     page.fill("#filter-label", "another")
     page.locator("#filter-label").blur()
+    expect(page.locator("#job-rows tr")).to_have_count(0)
+    page.fill("#filter-label", "")
+    page.locator("#filter-label").blur()
+    page.select_option("#filter-decision", "not_judged")
+    expect(row).to_contain_text("not judged")
+    page.select_option("#filter-decision", "fail")
     expect(page.locator("#job-rows tr")).to_have_count(0)
     expect(page.locator("#no-jobs")).to_be_visible()
 
@@ -147,12 +154,34 @@ def test_the_verdict_is_of_the_alignment_whatever_it_is(watched: Watched, regist
         document = answer.json()
         document["verdict"] |= {"status": "uncertain", "confidence": None, "same_part": None, "pose": None}
         document["scan"] = None
+        check = {"name": "rim: highest", "kind": "highest", "region": "rim", "value": 0.31, "lower": None}
+        check |= {
+            "upper": 0.2,
+            "unit": "mm",
+            "uncertainty": 0.01,
+            "n": 20,
+            "passed": False,
+            "position_mm": None,
+        }
+        document["inspection"] |= {
+            "decision": "fail",
+            "reasons": ["too high"],
+            "rule": "r",
+            "checks": [check],
+        }
         route.fulfill(response=answer, json=document)
 
     page.route("**/results", changed_verdict)
     watched.open(registered)
     expect(page.locator("#status")).to_have_text("alignment: uncertain")
     expect(page.locator("#verdict")).to_have_class("warn")
+    expect(page.locator("#decided")).to_have_text("part: fail")
+    expect(page.locator("#decision")).to_have_class("bad")
+    expect(page.locator("#reasons")).to_have_text("too high")
+    page.click("#checks summary")
+    expect(page.locator("#check-table tbody tr")).to_contain_text("rim: highest")
+    expect(page.locator("#check-table tbody tr")).to_contain_text("+0.310 mm")
+    expect(page.locator("#check-table tbody tr .bad")).to_have_text("failed")
     expect(page.locator("#meaning")).to_contain_text("not enough to vouch for it")
     expect(page.locator("#confidence")).to_have_text("confidence not given")
     expect(page.locator("#why-tables h3").first).to_contain_text("same part: not given")
