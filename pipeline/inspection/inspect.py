@@ -12,7 +12,13 @@ from pipeline.inspection.patches import default_diameter_mm, patches
 from pipeline.kernels.surface_patches import adjacency_of
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.registration import Registration
+from pipeline.verification.thresholds import VERDICT
 
+#: Findings (`verification.findings`) of the shape of the part, and those beside which a pose is not sure.
+SHAPE_DIFFERENCES = frozenset({"missing_material", "local_difference"})
+OTHER_DOUBTS = frozenset(
+    {"high_residual", "flat_scan", "accuracy_unknown", "accuracy_too_coarse", "scan_more"}
+)
 NO_LIMITS = "no limits were given; send options.acceptance"
 
 
@@ -27,7 +33,7 @@ def inspect(
     """Check a registered scan against its limits. seen : share of the design's area that the scan shows
 
     A part passes only when the verdict is `ok`, there is at least one check, and all pass. It fails only when
-    the verdict is `ok`: under a pose that may be wrong, deviations say nothing about the part.
+    the pose is sure (`pose_is_sure`): under one that may be wrong, deviations say nothing about the part.
 
     Raises
     ------
@@ -67,14 +73,29 @@ def decide(
 ) -> tuple[Decision, list[str]]:
     """The decision and why, for people."""
     reasons = [words(check) for check in checks if check.passed is not True]
+    if acceptance is not None and pose_is_sure(verdict) and any(check.passed is False for check in checks):
+        return "fail", reasons
     if verdict.status != "ok":
         why = f"the alignment is {verdict.status.replace('_', ' ')}, so the part cannot be judged"
         return "not_judged", [why, *reasons]
     if acceptance is None or not checks:
         return "not_judged", [NO_LIMITS]
-    if any(check.passed is False for check in checks):
-        return "fail", reasons
     return ("not_judged", reasons) if reasons else ("pass", [])
+
+
+def pose_is_sure(verdict: Verdict) -> bool:
+    """Whether deviations are of the part: the verdict is `ok`, or `uncertain` for nothing but a place where
+    the part differs from its design (a burr, a piece that broke off), with both probabilities as `ok` asks.
+    """
+    if verdict.status != "uncertain":
+        return verdict.status == "ok"
+    codes = {finding.code for finding in verdict.findings}
+    return (
+        bool(codes & SHAPE_DIFFERENCES)
+        and not codes & OTHER_DOUBTS
+        and (verdict.same_part or 0.0) >= VERDICT.ok_same_part
+        and (verdict.pose or 0.0) >= VERDICT.ok_pose
+    )
 
 
 def words(check: Check) -> str:

@@ -37,7 +37,7 @@ EXITS = {
     "under_constrained": 7,
     "uncertain": 8,
 }
-FAIL = 9  #: exit code of a part that fails; the verdict comes first
+FAIL = 9  #: exit code of a part that fails
 PATIENCE_S = 2.0  # short, since a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
@@ -83,7 +83,7 @@ def register(
     """Register SCAN to DESIGN without a server.
 
     Exit code 0: verdict ok; 1: bad input; 3 to 8: no_match, mirrored, units_suspect, ambiguous,
-    under_constrained, uncertain; 9: the alignment is ok, and the part fails its acceptance limits.
+    under_constrained, uncertain; 9: the part fails its acceptance limits.
 
     `cusp register design.stl scan.ply --tolerance-mm 0.2 --out result`
 
@@ -249,6 +249,6 @@ def _conclude(results: dict[str, Any], out: Path | None, as_json: bool) -> None:
     if results["type"] == "registration":
         code = EXITS[results["verdict"]["status"]]
         inspection = results.get("inspection")  # a service of an earlier version has none
-        if code == 0 and inspection is not None and inspection["decision"] == "fail":
-            code = FAIL
+        if inspection is not None and inspection["decision"] == "fail":
+            code = FAIL  # also where the alignment is uncertain because the part differs in a place
         raise typer.Exit(code)

@@ -52,8 +52,9 @@ class Inspection(Record):
     """Whether the part is accepted. The verdict is about the alignment, this is about the part."""
 
     decision: Decision = Field(
-        description="`pass`: the verdict is `ok` and every check passed; `fail`: the verdict is `ok` and a "
-        "check failed; `not_judged`: anything else, see `reasons`"
+        description="`pass`: the verdict is `ok` and every check passed; `fail`: a check failed, and the "
+        "verdict is `ok`, or `uncertain` only because the part differs in a place; `not_judged`: anything "
+        "else, see `reasons`"
     )
     reasons: list[str] = Field(description="why, for people; empty for `pass`")
     rule: str | None = Field(description="the decision rule; null without limits")

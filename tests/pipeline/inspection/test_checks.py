@@ -6,7 +6,7 @@ from pydantic import ValidationError
 
 from pipeline.core.acceptance import Acceptance, RegionLimits
 from pipeline.core.errors import PointOffSurface, UnknownRegion
-from pipeline.core.results import Check, Verdict
+from pipeline.core.results import Check, Finding, Verdict
 from pipeline.inspection import regions
 from pipeline.inspection.checks import Part, checks_of
 from pipeline.inspection.inspect import decide
@@ -198,6 +198,30 @@ def test_nothing_is_judged_under_an_alignment_that_is_not_ok(status: str) -> Non
     decision, reasons = decide(verdict, found, acceptance)
     assert decision == "not_judged"
     assert status.replace("_", " ") in reasons[0]
+
+
+def doubtful(*codes: str, same_part: float = 0.9, pose: float = 0.95) -> Verdict:
+    findings = [Finding(code=code, detail="", value=None) for code in codes]
+    probabilities = {"confidence": same_part * pose, "same_part": same_part, "pose": pose}
+    return Verdict(status="uncertain", findings=findings, **probabilities)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "decision"),
+    [
+        (doubtful("local_difference"), "fail"),
+        (doubtful("missing_material", "few_landmarks"), "fail"),
+        (doubtful("local_difference", "high_residual"), "not_judged"),
+        (doubtful("local_difference", pose=0.8), "not_judged"),
+        (doubtful("local_difference", same_part=0.8), "not_judged"),
+        (doubtful("stretched"), "not_judged"),
+    ],
+)
+def test_a_part_may_fail_where_only_its_shape_casts_doubt(verdict: Verdict, decision: str) -> None:
+    acceptance = Acceptance(tolerance_mm=0.2)
+    assert decide(verdict, checks_of(part_of(BUMPED, verdict), acceptance), acceptance)[0] == decision
+    wide = Acceptance(tolerance_mm=0.5)
+    assert decide(verdict, checks_of(part_of(BUMPED, verdict), wide), wide)[0] == "not_judged"
 
 
 def test_the_decision_follows_from_the_checks() -> None:
