@@ -55,6 +55,9 @@ def write_registration(
     landmarks = {"design": result.landmarks.design, "scan": result.landmarks.scan}
     writers.write_landmarks(out / "landmarks.csv", landmarks, result.landmarks.matches)
     files = ["landmarks.csv"]
+    if result.inspection is not None and result.inspection.checks:
+        writers.write_characteristics(out / "characteristics.csv", result.inspection.checks, result.reference)
+        files.append("characteristics.csv")
     if result.transform is not None:
         writers.write_mesh(out / "aligned.ply", scan_display.full)
         files += ["aligned.ply", *_write_deviation(out, scan_display, deviations, settings.report)]

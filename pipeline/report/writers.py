@@ -9,7 +9,8 @@ import open3d as o3d
 from pydantic_core import to_json
 
 from pipeline.core.mesh import FloatArray, IndexArray, Mesh
-from pipeline.core.results import Landmark, Match
+from pipeline.core.reference import Reference
+from pipeline.core.results import Check, Landmark, Match
 from pipeline.stages.segmentation import Segmentation
 
 VERTEX_COLUMNS = ("vertex", "x_mm", "y_mm", "z_mm", "segment", "halo", "rho", "delta", "t2", "landmark")
@@ -17,6 +18,14 @@ LANDMARK_COLUMNS = (
     *("mesh", "id", "vertex", "x_mm", "y_mm", "z_mm", "nx", "ny", "nz"),
     *("segment", "t2", "strength", "matched_to"),
 )
+
+IDENTITY_COLUMNS = ("part_number", "serial", "batch", "order", "machine", "operator", "gauge")
+CHECK_COLUMNS = (
+    *("name", "kind", "region", "value", "lower", "upper", "unit", "standard_error", "n", "result"),
+    *("x_mm", "y_mm", "z_mm"),
+)
+#: Of a check, by `passed`.
+RESULTS = {True: "passed", False: "failed", None: "not_judged"}
 
 
 def write_mesh(path: Path, mesh: Mesh, colours: FloatArray | None = None) -> None:
@@ -81,6 +90,24 @@ def write_landmarks(
     }
     rows = [_row(mesh, each, partners.get(mesh, {})) for mesh, found in landmarks.items() for each in found]
     _write_csv(path, LANDMARK_COLUMNS, rows)
+
+
+def write_characteristics(path: Path, checks: Sequence[Check], reference: Reference | None) -> None:
+    """A row for each check of an inspection, with the identity of the part in front; lengths in mm."""
+    identity = [None if reference is None else getattr(reference, name) for name in IDENTITY_COLUMNS]
+    _write_csv(
+        path,
+        (*IDENTITY_COLUMNS, *CHECK_COLUMNS),
+        (
+            (
+                *identity,
+                *(check.name, check.kind, check.region, check.value, check.lower, check.upper, check.unit),
+                *(check.uncertainty, check.n, RESULTS[check.passed]),
+                *(check.position_mm or (None, None, None)),
+            )
+            for check in checks
+        ),
+    )
 
 
 def _row(mesh: str, landmark: Landmark, matched_to: dict[int, int]) -> tuple[object, ...]:

@@ -2,6 +2,7 @@
 each time.
 """
 
+import csv
 import re
 from base64 import b64decode
 from html.parser import HTMLParser
@@ -15,8 +16,10 @@ from PIL import Image
 
 import pipeline
 from pipeline.core.mesh import Mesh
+from pipeline.core.reference import Reference
 from pipeline.core.results import MadeBy, Note, RegistrationResult
 from pipeline.kernels.remesh import MANY_FACES
+from pipeline.report import writers
 from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh, write_glb
 from pipeline.report.page import render_views
@@ -24,6 +27,8 @@ from pipeline.report.sections import legend
 from tests.support.meshes import blob_stl
 from tests.support.settings import FAST as SMALL
 from tests.support.shapes import icosphere
+
+EXAMPLE = Path(__file__).parents[3] / "openapi" / "examples" / "results.registration.json"
 
 
 @pytest.fixture(scope="module")
@@ -225,3 +230,20 @@ def test_landmarks_and_studies_have_a_page(tmp_path: Path) -> None:
     text = (tmp_path / "study" / "report.html").read_text()
     outline(text)
     assert done.summary[:40] in text.replace("&#39;", "'") and "report.html" in done.files
+
+
+def test_characteristics_are_read_back_as_they_were_written(tmp_path: Path) -> None:
+    inspection = RegistrationResult.model_validate_json(EXAMPLE.read_text()).inspection
+    assert inspection is not None
+    path = tmp_path / "characteristics.csv"
+    writers.write_characteristics(path, inspection.checks, Reference(serial='A-17, "b"'))
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["name"] for row in rows] == [check.name for check in inspection.checks]
+    assert {row["serial"] for row in rows} == {'A-17, "b"'}
+    for row, check in zip(rows, inspection.checks, strict=True):
+        assert float(row["value"]) == check.value
+        assert row["lower"] == ("" if check.lower is None else repr(check.lower))
+        assert row["result"] == "passed"
+    writers.write_characteristics(path, inspection.checks, None)
+    assert path.read_text().splitlines()[1].startswith(",,,,,,,")
