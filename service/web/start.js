@@ -58,7 +58,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  for (const field of ['tolerance-field', 'accuracy-field', 'reading']) $(field).hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'reading']) $(field).hidden = !wanted.includes('scan');
   $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
 }
 
@@ -91,11 +91,13 @@ async function submit(event) {
 
 function options(form, type) {
   const units = Object.fromEntries(MESHES[type].map((name) => [name, slots[name].unit.value]).filter(([, unit]) => unit !== 'auto'));
-  const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, label, preset } = form.elements;
+  const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, min_within: within, serial, label, preset } = form.elements;
   return {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
     ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
+    ...(type === 'registration' && within.value ? { acceptance: { min_within: Number(within.value) / 100 } } : {}),
+    ...(type === 'registration' && serial.value ? { reference: { serial: serial.value } } : {}),
     ...(type === 'registration' ? reading.options() : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
