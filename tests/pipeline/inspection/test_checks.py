@@ -9,7 +9,7 @@ from pipeline.core.errors import PointOffSurface, UnknownRegion
 from pipeline.core.results import Check, Finding, Verdict
 from pipeline.inspection import regions
 from pipeline.inspection.checks import Part, checks_of
-from pipeline.inspection.inspect import decide
+from pipeline.inspection.inspect import decide, without_pose
 from pipeline.inspection.limits_check import passes, rule
 from pipeline.inspection.measured_surface import MeasuredSurface
 from pipeline.inspection.patches import patches
@@ -271,3 +271,10 @@ def test_the_tolerance_of_the_job_is_the_limit_where_there_is_none() -> None:
 def test_limits_that_contradict_are_refused(wrong: dict[str, object], reason: str) -> None:
     with pytest.raises(ValidationError, match=reason):
         Acceptance.model_validate(wrong)
+
+
+def test_without_a_pose_nothing_is_measured() -> None:
+    verdict = Verdict(status="no_match", confidence=0.0, findings=[])
+    found = without_pose(verdict, Acceptance(tolerance_mm=0.2))
+    assert (found.decision, found.checks, found.extremes, found.patch_mm) == ("not_judged", [], [], None)
+    assert found.reasons == ["the alignment is no match, so the part cannot be judged"]

@@ -1,0 +1,70 @@
+"""The whole way from two files to a decision: a printer that drifts, a burr."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import Acceptance, RegistrationResult
+from pipeline.core.errors import UnknownRegion
+from pipeline.core.mesh import Mesh
+from tests.support import shapes
+from tests.support.registering import register
+from tests.support.scans import save
+from tests.support.settings import COARSE
+
+#: Edges of 1.5 mm cut so much off bumps with a radius of 5 mm.
+CHORD_MM = 1.5**2 / 8 / 5
+LIMITS = Acceptance(tolerance_mm=0.15, min_coverage=0.9, patch_mm=4.0)
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save(shapes.bumpy_blob(4), tmp_path_factory.mktemp("design") / "design.stl")
+
+
+def inspected(
+    design: Path, print_: Mesh, folder: Path, acceptance: Acceptance = LIMITS
+) -> RegistrationResult:
+    scan = save(print_.moved(shapes.motion(5)), folder / "scan.ply")
+    return register(design, scan, settings=COARSE, acceptance=acceptance)
+
+
+def shrunk(share: float) -> Mesh:
+    """A print on another triangulation, smaller by `share`: its surface of radius 20 mm by share * 20 mm."""
+    part = shapes.bumpy_blob(4, triangulation=1)
+    return Mesh((1 - share) * part.vertices, part.faces)
+
+
+@pytest.mark.parametrize(("shrink", "decision"), [(0.002, "pass"), (0.012, "fail")])
+def test_a_printer_that_drifts(design: Path, tmp_path: Path, shrink: float, decision: str) -> None:
+    result = inspected(design, shrunk(shrink), tmp_path)
+    assert result.verdict.status == "ok"
+    assert result.inspection is not None
+    assert result.inspection.decision == decision
+    lowest = next(check for check in result.inspection.checks if check.kind == "lowest")
+    assert lowest.value is not None
+    radius = np.linalg.norm(shapes.bumpy_blob(4).vertices, axis=1)
+    # The best fit keeps the centre, so the surface is off by the shrink times its radius, along its normal.
+    assert -1.1 * shrink * radius.max() - CHORD_MM < lowest.value < -0.6 * shrink * radius.min()
+
+
+def test_a_burr_is_found_where_it_is(design: Path, tmp_path: Path) -> None:
+    part = shapes.bumpy_blob(4, triangulation=1)
+    top = int(part.vertices[:, 2].argmax())
+    away = np.linalg.norm(part.vertices - part.vertices[top], axis=1)
+    raised = part.vertices + np.where(away < 4.0, 0.5, 0.0)[:, None] * part.vertex_normals()
+    result = inspected(design, Mesh(raised, part.faces), tmp_path)
+    assert result.inspection is not None
+    assert result.inspection.decision == "fail"
+    first = result.inspection.extremes[0]
+    assert first.value_mm == pytest.approx(0.5, abs=0.1)
+    assert np.linalg.norm(np.array(first.position_mm) - part.vertices[top]) < 4.0
+    highest = next(check for check in result.inspection.checks if check.kind == "highest")
+    assert (highest.passed, highest.value) == (False, first.value_mm)
+
+
+def test_a_segment_that_the_design_does_not_have_is_named(design: Path, tmp_path: Path) -> None:
+    region = {"name": "rim", "region": {"kind": "segments", "segments": [999]}, "tolerance_mm": 0.1}
+    with pytest.raises(UnknownRegion, match="'rim' names segment 999"):
+        inspected(design, shrunk(0.0), tmp_path, Acceptance.model_validate({"regions": [region]}))
