@@ -6,8 +6,7 @@ import numpy as np
 
 from pipeline.analysis.design_model import DesignModel
 from pipeline.core.mesh import FloatArray, IndexArray
-from pipeline.kernels import rigid
-from pipeline.stages.deviation import Deviations, side_of
+from pipeline.stages.deviation import Deviations, side_of, signed_to_scan
 from pipeline.stages.registration import Registration
 
 
@@ -74,14 +73,7 @@ def _from_design(registration: Registration, design: DesignModel, places: FloatA
     surface, fit = registration.scan_surface, registration.fit
     if surface is None:
         return np.full(len(places), np.nan)
-    in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), places)
-    closest = surface.closest(in_scan)
+    signed, ends_there = signed_to_scan(places, registration.scan, surface, fit)
     if side_of(design.analysis.mesh) == "none":
-        signed = closest.distance
-    else:
-        signed = -surface.signed_distance(in_scan, closest)
-        scan = registration.scan
-        scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
-        agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
-        signed = signed if agrees else -signed
-    return np.where(surface.on_open_border(closest), np.nan, signed)
+        signed = np.abs(signed)
+    return np.where(ends_there, np.nan, signed)

@@ -78,25 +78,37 @@ def deviation_of_design(
     closest point lies. Returns None if no design vertex is counted.
     """
     sign, vertices = side_of(design.mesh), design.mesh.vertices
-    in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), vertices)
     if surface is None:
+        in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), vertices)
         distance, index = nearest(scan.vertices, in_scan)
         outward = np.einsum("kd,kd->k", fit.moved[index] - vertices, design.vertex_normals)
         signed = np.where(outward < 0, -distance, distance)
         counted = np.asarray(distance <= inlier_distance_mm)
     else:
-        closest = surface.closest(in_scan)
-        inside = -surface.signed_distance(in_scan, closest)  # > 0: excess material
-        # The design decides which side of an open scan is its inside.
-        scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
-        agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
-        signed = inside if agrees else -inside
-        counted = ~surface.on_open_border(closest)
+        signed, ends_there = signed_to_scan(vertices, scan, surface, fit)
+        counted = ~ends_there
     weights = design.mesh.weights() * counted
     if weights.sum() == 0:
         return None
     signed = np.abs(signed) if sign == "none" else signed
     return DesignDeviation(seen=float(weights.sum()), **_distances(signed, weights, counted, tolerance_mm))
+
+
+def signed_to_scan(
+    points: FloatArray, scan: Mesh, surface: Surface, fit: Fit
+) -> tuple[FloatArray, BoolArray]:
+    """(k,) signed distance of places of the design to the scan, mm, + where the scan is outside the design,
+    and (k,) whether the scan ends there: its closest place lies on an open border.
+
+    points : (k, 3) mm, frame of the design; surface : of the scan, in its own frame
+    """
+    in_scan = rigid.transformed(rigid.inverse(fit.T_design_scan), points)
+    closest = surface.closest(in_scan)
+    inside = -surface.signed_distance(in_scan, closest)  # > 0: excess material
+    # The design decides which side of an open scan is its inside.
+    scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
+    agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
+    return inside if agrees else -inside, surface.on_open_border(closest)
 
 
 def side_of(design: Mesh) -> DesignSide:

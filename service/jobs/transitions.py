@@ -41,6 +41,9 @@ class JobTransitions(TableAccess):
             "error": None,
             "label": None,
             "message": None,
+            "serial": None,
+            "batch": None,
+            "part_number": None,
         }
         final = [status for status in Status if status.is_final]
         return self._update(job_id, JobRow.status.in_(final), JobRow.removed_ms.is_(None), **cleared)
