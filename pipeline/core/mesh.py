@@ -67,10 +67,11 @@ class Mesh:
 
     @cached_property
     def _face_cross_mm2(self) -> FloatArray:
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        cross = np.asarray(np.cross(b - a, c - a), dtype=np.float64)
-        cross.flags.writeable = False
-        return cross
+        a, first, second = (self.vertices[self.faces[:, k]] for k in range(3))
+        first -= a
+        second -= a
+        del a  # of a million triangles each of these takes 24 MB
+        return _read_only(np.asarray(np.cross(first, second), dtype=np.float64))
 
     def face_areas_mm2(self) -> FloatArray:
         """(m,) triangle areas; read-only."""
@@ -78,39 +79,56 @@ class Mesh:
 
     @cached_property
     def _face_areas_mm2(self) -> FloatArray:
-        areas = np.asarray(0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1), dtype=np.float64)
-        areas.flags.writeable = False
-        return areas
+        return _read_only(np.asarray(0.5 * np.linalg.norm(self.face_cross_mm2(), axis=1), dtype=np.float64))
 
     def vertex_areas_mm2(self) -> FloatArray:
-        """(n,) lumped (barycentric) areas, a third of the incident triangles; the sum is the mesh area."""
-        thirds = np.repeat(self.face_areas_mm2() / 3.0, 3)
-        return np.bincount(self.faces.ravel(), weights=thirds, minlength=len(self.vertices)).astype(
-            np.float64
-        )
+        """(n,) lumped (barycentric) areas, a third of the incident triangles; the sum is the mesh area;
+        read-only.
+        """
+        return self._vertex_areas_mm2
+
+    @cached_property
+    def _vertex_areas_mm2(self) -> FloatArray:
+        return _read_only(self._sums_at_corners((self.face_areas_mm2() / 3.0)[:, None])[:, 0])
 
     def weights(self) -> FloatArray:
-        """(n,) weight of each vertex in area-weighted statistics, sum 1; equal for a point cloud."""
+        """(n,) weight of each vertex in area-weighted statistics, sum 1, read-only; equal for a cloud."""
+        return self._weights
+
+    @cached_property
+    def _weights(self) -> FloatArray:
         if self.is_cloud:
-            return np.full(len(self.vertices), 1.0 / len(self.vertices))
+            return _read_only(np.full(len(self.vertices), 1.0 / len(self.vertices)))
         areas = self.vertex_areas_mm2()
-        total: float = float(areas.sum())
-        return areas / total
+        return _read_only(areas / float(areas.sum()))
 
     def vertex_normals(self) -> FloatArray:
-        """(n, 3) unit normals, area-weighted over incident triangles; zero where undefined."""
-        cross = np.repeat(self.face_cross_mm2(), 3, axis=0)
-        flat = self.faces.ravel()
-        summed = np.stack(
-            [np.bincount(flat, weights=cross[:, k], minlength=len(self.vertices)) for k in range(3)], 1
-        )
+        """(n, 3) unit normals, area-weighted over incident triangles; zero where undefined; read-only."""
+        return self._vertex_normals
+
+    @cached_property
+    def _vertex_normals(self) -> FloatArray:
+        summed = self._sums_at_corners(self.face_cross_mm2())
         length = np.linalg.norm(summed, axis=1, keepdims=True)
-        unit: FloatArray = np.divide(summed, length, out=np.zeros_like(summed), where=length > 0)
-        return unit
+        return _read_only(np.divide(summed, length, out=np.zeros_like(summed), where=length > 0))
+
+    def _sums_at_corners(self, of_faces: FloatArray) -> FloatArray:
+        """(n, c) sum over the incident triangles of each vertex. of_faces : (m, c)"""
+        corners = self.faces.ravel().astype(np.intp)
+        count = len(self.vertices)
+        return np.stack(
+            [np.bincount(corners, weights=np.repeat(column, 3), minlength=count) for column in of_faces.T],
+            axis=1,
+        )
 
     def moved(self, T_target_mesh: FloatArray) -> "Mesh":
         """The same mesh in another frame: `p_target = T_target_mesh @ p`."""
         return Mesh(self.vertices @ T_target_mesh[:3, :3].T + T_target_mesh[:3, 3], self.faces)
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    array.flags.writeable = False
+    return array
 
 
 def frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

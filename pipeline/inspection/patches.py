@@ -17,8 +17,9 @@ MIN_VERTICES = 6
 DEFAULT_VERTICES = 12
 #: Diameter of the default patch over the design's diagonal. Chosen by hand: the edges of the working mesh.
 DEFAULT_SHARE = 0.02
-#: Scan vertices in all patches together, about, at most; of a denser scan every k-th is taken. Limits time.
-MAX_MEMBERS = 4_000_000
+#: Scan vertices in all patches together, about, at most; of a denser scan every k-th is taken. Limits time
+#: and memory; of a scan of a million triangles some 250 a patch are left.
+MAX_MEMBERS = 1_000_000
 #: Standard deviations in a median absolute deviation (of the normal distribution).
 SIGMA_PER_MAD = 1.4826
 #: Standard error of a median of n values over sigma / sqrt(n), for the normal distribution (derived).

@@ -44,6 +44,7 @@ class SurfaceCells:
         total = np.bincount(of_vertex, weights=safe, minlength=count)
         sums = [np.bincount(of_vertex, weights=safe * axis, minlength=count) for axis in vertices.T]
         across = of_vertex[ends]
+        across = across[across[:, 0] != across[:, 1]]
         rows = np.concatenate([across[:, 0], across[:, 1], np.arange(count)])
         columns = np.concatenate([across[:, 1], across[:, 0], np.arange(count)])
         adjacency = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csgraph
 
 from pipeline.core.mesh import BoolArray, IndexArray, IntArray
+from pipeline.kernels.native import core
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +24,8 @@ class Edges:
 
 def edges(faces: IntArray) -> Edges:
     """The edges of `faces` (m, 3)."""
-    opposite = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
-    low, high = opposite.min(axis=1).astype(np.int64), opposite.max(axis=1).astype(np.int64)
-    base = int(high.max(initial=0)) + 1  # one integer per edge sorts faster than a row of two
-    keys, inverse, count = np.unique(low * base + high, return_inverse=True, return_counts=True)
-    return Edges(np.stack([keys // base, keys % base], axis=1), inverse.reshape(-1, 3), count)
+    faces = np.ascontiguousarray(faces, dtype=np.int32)
+    return Edges(*core.edges(faces, int(faces.max(initial=-1)) + 1))
 
 
 def border_vertices(faces: IntArray, n: int) -> BoolArray:

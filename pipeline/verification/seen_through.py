@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
-from pipeline.core.mesh import BoolArray, FloatArray
-from pipeline.kernels import rigid
+from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
+from pipeline.kernels import rigid, topology
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.surface import Surface
-from pipeline.kernels.surface_patches import Patch, adjacency_of, largest_patch
+from pipeline.kernels.surface_patches import Patch, largest_patch
 from pipeline.verification.placed_scan import PlacedScan
 from pipeline.verification.thresholds import DIFFERENCE
 
@@ -28,12 +28,12 @@ STEPS = (0.0, 1.0, 2.0, 3.0)
 @dataclass(frozen=True, slots=True, eq=False)
 class _Looking:
     """points, outward : (k, 3) places of the scan and unit vectors to the air before them, frame of the
-    design; near : (k, k) which of them are neighbours; areas_mm2 : (k,) of the scan that each stands for
+    design; ends : (e, 2) which of them are neighbours; areas_mm2 : (k,) of the scan that each stands for
     """
 
     points: FloatArray
     outward: FloatArray
-    near: csr_matrix
+    ends: IndexArray
     areas_mm2: FloatArray
 
 
@@ -49,7 +49,9 @@ def seen_through_patch(
     explained : (n,) the vertices of the scan that only chords lie off (`ChordErrors.explain_scan`), asked for
     where there is a patch
     """
-    looking = _towards_scanner(scan) if scan.surface is None else _along_normals(scan)
+    looking = (
+        _towards_scanner(scan) if scan.surface is None else _along_normals(scan, scan.surface.edges.ends)
+    )
     if looking is None:
         return None
     rows = np.arange(len(looking.points))
@@ -64,11 +66,14 @@ def seen_through_patch(
         depth_mm[rows] = np.maximum(depth_mm[rows], depth[inside])
     behind = np.zeros(len(depth_mm), dtype=np.bool_)
     behind[rows] = True
-    near = looking.near @ looking.near  # its second power bridges a place that noise lifts
     min_area_mm2 = DIFFERENCE.min_through_share * float(design.mesh.face_areas_mm2().sum())
 
     def patch_of(chosen: BoolArray) -> Patch | None:
-        patch = largest_patch(looking.points, near, looking.areas_mm2, depth_mm, chosen)
+        at = np.flatnonzero(chosen)
+        near = _neighbours(looking.ends, at, len(chosen))
+        two_steps = near @ near.T  # they bridge a place that noise lifts
+        every = np.ones(len(at), dtype=np.bool_)
+        patch = largest_patch(looking.points[at], two_steps, looking.areas_mm2[at], depth_mm[at], every)
         return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
 
     found = patch_of(behind)
@@ -77,10 +82,24 @@ def seen_through_patch(
     return patch_of(behind & ~explained())
 
 
-def _along_normals(scan: PlacedScan) -> _Looking:
+def _neighbours(ends: IndexArray, rows: IndexArray, count: int) -> csr_matrix:
+    """(k, count) 1 where an edge leads from a place in `rows` (k,) to another, and at the place itself.
+
+    ends : (e, 2) of the edges
+    """
+    number = np.full(count, -1)
+    number[rows] = np.arange(len(rows))
+    both = np.concatenate([ends, ends[:, ::-1]])
+    both = both[number[both[:, 0]] >= 0]
+    i = np.concatenate([number[both[:, 0]], np.arange(len(rows))])
+    j = np.concatenate([both[:, 1], rows])
+    return coo_matrix((np.ones(len(i)), (i, j)), shape=(len(rows), count)).tocsr()
+
+
+def _along_normals(scan: PlacedScan, ends: IndexArray) -> _Looking:
     rotation = scan.fit.T_design_scan[:3, :3]
     outward = scan.normal_sign * np.einsum("kj,ij->ki", scan.mesh.vertex_normals(), rotation)
-    return _Looking(scan.fit.moved, outward, adjacency_of(scan.mesh), scan.mesh.vertex_areas_mm2())
+    return _Looking(scan.fit.moved, outward, ends, scan.mesh.vertex_areas_mm2())
 
 
 def _towards_scanner(scan: PlacedScan) -> _Looking | None:
@@ -93,4 +112,4 @@ def _towards_scanner(scan: PlacedScan) -> _Looking | None:
     positions = rigid.transformed(scan.fit.T_design_scan, scan.stations.positions_mm)
     way = positions[scan.stations.of_vertex[known[chosen]]] - points
     outward = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    return _Looking(points, outward, adjacency_of(scan.working), scan.working.vertex_areas_mm2())
+    return _Looking(points, outward, topology.edges(scan.working.faces).ends, scan.working.vertex_areas_mm2())

@@ -51,18 +51,16 @@ def run_registration(
     had_files = design is not None and bool(design.cached.files)
     outcome = compute_registration(design_file, scan_file, design, job, timer)
     result = registration_result(outcome, job)
+    is_new, design = design is None, outcome.design
+    written = (design, outcome.registered.scan, outcome.deviations)
+    del outcome  # the search trees of a scan of a million triangles take 300 MB, which the pictures need
     result = publish(
-        result,
-        out,
-        settings,
-        timer,
-        lambda folder, built: write_registration(
-            folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
-        ),
+        *(result, out, settings, timer),
+        lambda folder, built: write_registration(folder, built, *written, settings),
     )
-    has_files = bool(outcome.design.cached.files)  # those of the design, which the model keeps
-    if design_cache is not None and (design is None or has_files is not had_files):
-        outcome.design.save(design_cache)
+    has_files = bool(design.cached.files)  # those of the design, which the model keeps
+    if design_cache is not None and (is_new or has_files is not had_files):
+        design.save(design_cache)
     return result
 
 

@@ -121,6 +121,7 @@ def valid_calls(core: Any) -> dict[str, tuple[Callable[..., Any], list[Any]]]:
             core.grid_costs,
             [nearest, vertices, normals, low, 1.0, shape, poses, signs, vertices, normals, 1.0, 0.5, one],
         ),
+        "edges": (core.edges, [faces, Size(n)]),
         "fpfh": (core.fpfh, [vertices, normals, sources, 2.0, one]),
         "agreeing_pairs": (
             core.agreeing_pairs,

@@ -286,6 +286,7 @@ class Solver {
 }  // namespace
 
 void bind_copy_icp(nb::module_& m);      // copy_icp.cpp
+void bind_edges(nb::module_& m);         // edges.cpp
 void bind_fpfh(nb::module_& m);          // fpfh.cpp
 void bind_icp(nb::module_& m);           // icp.cpp
 void bind_nearest_grid(nb::module_& m);  // nearest_grid.cpp
@@ -320,6 +321,7 @@ NB_MODULE(core, m) {
     bind_copy_icp(m);
     bind_icp(m);
     bind_nearest_grid(m);
+    bind_edges(m);
     bind_fpfh(m);
     bind_poses(m);
     bind_raster(m);

@@ -41,7 +41,7 @@ def test_both_reflections_undo_themselves() -> None:
 def reference(mesh: Mesh, radius_mm: float) -> FloatArray:
     """Open3D's."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(mesh.vertices)))
-    cloud.normals = o3d.utility.Vector3dVector(mesh.vertex_normals())
+    cloud.normals = o3d.utility.Vector3dVector(np.array(mesh.vertex_normals()))
     search = o3d.geometry.KDTreeSearchParamRadius(radius_mm)
     return np.asarray(o3d.pipelines.registration.compute_fpfh_feature(cloud, search).data).T
 
