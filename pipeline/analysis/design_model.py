@@ -15,6 +15,7 @@ from pipeline.analysis.inputs import InputMesh
 from pipeline.analysis.mesh_analysis import Analysis, Scales, analyse_mesh, describe_mesh
 from pipeline.analysis.symmetry_group import SymmetryGroup, find_symmetries
 from pipeline.core import archive
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.mesh_file import MeshFile
@@ -32,7 +33,7 @@ class CachedDesign:
 
     fingerprint : of everything it follows from; spread, descriptors : as in `DescribedMesh`; symmetries,
     approximate : (4, 4) each, as in `SymmetryGroup`; files : the artifacts of a job that are the design's
-    alone, by name
+    alone, by name; brep : faces of the CAD model, on the triangles of the cleaned mesh
     """
 
     fingerprint: str
@@ -44,6 +45,7 @@ class CachedDesign:
     symmetries: tuple[FloatArray, ...]
     approximate: tuple[FloatArray, ...]
     files: dict[str, bytes]
+    brep: BrepFaces | None = None
 
 
 class DesignModel:
@@ -126,6 +128,7 @@ def build_design(
         symmetries=symmetry.elements,
         approximate=symmetry.approximate,
         files={},
+        brep=design.brep_faces(),
     )
     return DesignModel(cached, settings)
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+from pipeline.analysis.brep_segments import on_cleaned
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.mesh import Mesh
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
@@ -35,6 +37,11 @@ class InputMesh:
         """Where the scanner stood, of the vertices of `mesh`; None where the file does not say."""
         stations = self.loaded.stations
         return None if stations is None else stations.chosen(self.cleaned.old_of_new)
+
+    def brep_faces(self) -> BrepFaces | None:
+        """The faces of the CAD model, on the triangles of `mesh`; None where the file has none."""
+        brep = self.loaded.brep
+        return None if brep is None else on_cleaned(self.mesh, self.loaded.mesh, brep)
 
     @property
     def left_out_share(self) -> float:

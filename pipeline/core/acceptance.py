@@ -115,8 +115,20 @@ class FacesRegion(_Part):
     )
 
 
+class BrepFacesRegion(_Part):
+    """Faces of the CAD model (planes, cylinders, ...), of a design in STEP."""
+
+    kind: Literal["brep_faces"] = Field(description="kind of the region")
+    faces: list[Annotated[int, Field(ge=0)] | Name] = Field(
+        min_length=1,
+        max_length=10_000,
+        description="number of each, as in `design.brep_faces.csv`, or the name that it has in the file",
+    )
+
+
 Region = Annotated[
-    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | FacesRegion, Field(discriminator="kind")
+    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | FacesRegion | BrepFacesRegion,
+    Field(discriminator="kind"),
 ]
 
 

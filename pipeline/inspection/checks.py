@@ -38,10 +38,9 @@ def checks_of(part: Part, acceptance: Acceptance) -> list[Check]:
     surface, own_feet, own_places = part.surface, _none(part.surface.foot_mm), _none(part.surface.place_mm)
     of_regions: list[Check] = []
     for each in acceptance.regions:
-        feet = regions.members(each.region, each.name, surface.foot_mm, surface.face, surface.segment_of_face)
-        places = regions.members(
-            each.region, each.name, surface.place_mm, surface.place_face, surface.segment_of_face
-        )
+        of_design = (surface.segment_of_face, surface.brep)
+        feet = regions.members(each.region, each.name, surface.foot_mm, surface.face, *of_design)
+        places = regions.members(each.region, each.name, surface.place_mm, surface.place_face, *of_design)
         own_feet |= feet
         own_places |= places
         of_regions += _of_surface(part, each, each.name, feet, places, acceptance)

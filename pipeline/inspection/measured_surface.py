@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.analysis.design_model import DesignModel
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.stages.deviation import Deviations, side_of, signed_to_scan
 from pipeline.stages.registration import Registration
@@ -21,8 +22,8 @@ class MeasuredSurface:
     place_mm, place_normal, place_area_mm2, place_face : of the c places; ends : (k, 2) neighbours among them;
     signed_at_place_mm : (c,) deviation by the nearest place of the scan, nan where the scan ends
 
-    segment_of_face : (m,) segment of each triangle of the design; vertex_area_mm2 : area of the scan over
-    its number of vertices
+    segment_of_face : (m,) segment of each triangle of the design; brep : faces of its CAD model;
+    vertex_area_mm2 : area of the scan over its number of vertices
     """
 
     foot_mm: FloatArray
@@ -36,6 +37,7 @@ class MeasuredSurface:
     place_face: IndexArray
     signed_at_place_mm: FloatArray
     segment_of_face: IndexArray
+    brep: BrepFaces | None
     vertex_area_mm2: float
 
     @classmethod
@@ -60,6 +62,7 @@ class MeasuredSurface:
             place_face=on_design.face,
             signed_at_place_mm=_from_design(registration, design, working.vertices),
             segment_of_face=np.asarray(design.analysis.segment_of_faces(), dtype=np.int64),
+            brep=design.cached.brep,
             vertex_area_mm2=scan_area_mm2 / max(len(scan.vertices), 1),
         )
 

@@ -4,27 +4,35 @@ import numpy as np
 
 from pipeline.core.acceptance import (
     BoxRegion,
+    BrepFacesRegion,
     CylinderRegion,
     FacesRegion,
     Region,
     SegmentsRegion,
     SphereRegion,
 )
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.errors import UnknownRegion
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 
 
 def members(
-    region: Region, name: str, points: FloatArray, face: IndexArray, segment_of_face: IndexArray
+    region: Region,
+    name: str,
+    points: FloatArray,
+    face: IndexArray,
+    segment_of_face: IndexArray,
+    brep: BrepFaces | None = None,
 ) -> BoolArray:
     """(k,) whether each of `points` (k, 3) mm, on triangle `face` (k,) of the design, lies in the region.
 
-    segment_of_face : (m,) segment of each triangle of the design
+    segment_of_face : (m,) segment of each triangle of the design; brep : faces of its CAD model, None where
+    its file has none
 
     Raises
     ------
     UnknownRegion
-        When it names a segment or a triangle that the design does not have.
+        When it names a segment, a triangle or a face that the design does not have.
     """
     match region:
         case BoxRegion():
@@ -45,6 +53,39 @@ def members(
         case FacesRegion():
             _known(region.faces, len(segment_of_face), name, "triangle")
             return np.isin(face, region.faces)
+        case BrepFacesRegion():
+            return np.isin(_brep(brep, name).of_triangle[face], _numbers(region, name, _brep(brep, name)))
+
+
+def _brep(brep: BrepFaces | None, name: str) -> BrepFaces:
+    if brep is None:
+        raise UnknownRegion(
+            f"region {name!r} names faces of a CAD model, but the file of the design has only triangles; "
+            "send the design as STEP, or give another kind of region",
+            mesh="design",
+        )
+    return brep
+
+
+def _numbers(region: BrepFacesRegion, name: str, brep: BrepFaces) -> list[int]:
+    """The numbers of the faces of a region; a name stands for every face that has it."""
+    by_name: dict[str, list[int]] = {}
+    for number, face in enumerate(brep.faces):
+        by_name.setdefault(face.name, []).append(number)
+    numbers: list[int] = []
+    for each in region.faces:
+        if isinstance(each, int):
+            _known([each], len(brep.faces), name, "face")
+            numbers.append(each)
+        elif each in by_name:
+            numbers += by_name[each]
+        else:
+            raise UnknownRegion(
+                f"region {name!r} names face {each!r}, but none of the {len(brep.faces)} faces of the design "
+                "has that name; they are listed in design.brep_faces.csv",
+                mesh="design",
+            )
+    return numbers
 
 
 def _known(numbers: list[int], count: int, name: str, what: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.analysis.design_model import DesignModel
 from pipeline.analysis.mesh_analysis import Analysis, SegmentationResult
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.mesh import Mesh
 from pipeline.core.results import LandmarksResult, Note, RegistrationResult, StudyResult
 from pipeline.core.settings import ReportSettings, Settings
@@ -77,7 +78,7 @@ def write_design(out: Path, design: DesignModel, display: DisplayMesh, settings:
     """The files that are the design's alone, from the model where it holds them."""
     analysis, files = design.analysis, design.cached.files
     if not files:
-        names = [*write_analysis(out, "design", analysis, settings), "design.glb"]
+        names = [*write_analysis(out, "design", analysis, settings, design.cached.brep), "design.glb"]
         colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
         landmarks_mm = analysis.mesh.vertices[analysis.landmark_vertices]
         glb.write_glb(out / "design.glb", display, colours, landmarks_mm)
@@ -99,14 +100,16 @@ def write_segments(out: Path, mesh: Mesh, segments: SegmentationResult, settings
     return Artifacts(("mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"))
 
 
-def write_landmarks(out: Path, result: LandmarksResult, analysis: Analysis, settings: Settings) -> Artifacts:
-    """The files of a landmarks job."""
+def write_landmarks(
+    out: Path, result: LandmarksResult, analysis: Analysis, settings: Settings, brep: BrepFaces | None = None
+) -> Artifacts:
+    """The files of a landmarks job. brep : faces of the CAD model, where the file has them"""
     colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
     writers.write_mesh(out / "mesh.segments.ply", analysis.mesh, colours)
     writers.write_landmarks(out / "landmarks.csv", {"mesh": result.landmarks.mesh})
     if not settings.report.is_full:
         return Artifacts(("mesh.segments.ply", "landmarks.csv"))
-    files = write_analysis(out, "mesh", analysis, settings)
+    files = write_analysis(out, "mesh", analysis, settings, brep)
     images = segment_pictures("mesh", analysis, display_mesh(analysis), analysis.mesh, count=4)
     pictures = Pictures("Segments and landmarks", "segments of the", images, SEGMENTS_NOTE)
     text = page.landmarks(result, pictures, out)
@@ -120,8 +123,10 @@ def write_study_page(out: Path, result: StudyResult, settings: Settings) -> Arti
     return _write_page(out, page.study(result, out), settings.report)
 
 
-def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings) -> list[str]:
-    """`<name>.clean.ply`, `.vertices.csv` and `.decision_graph.svg`."""
+def write_analysis(
+    out: Path, name: str, analysis: Analysis, settings: Settings, brep: BrepFaces | None = None
+) -> list[str]:
+    """`<name>.clean.ply`, `.vertices.csv`, `.decision_graph.svg`, and `.brep_faces.csv` of a CAD model."""
     writers.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
     writers.write_vertices(
         *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
@@ -129,7 +134,11 @@ def write_analysis(out: Path, name: str, analysis: Analysis, settings: Settings)
     )
     graph = out / f"{name}.decision_graph.svg"
     decision_graph.write(graph, name, analysis.segmentation, settings.segmentation)
-    return [f"{name}.clean.ply", f"{name}.vertices.csv", graph.name]
+    files = [f"{name}.clean.ply", f"{name}.vertices.csv", graph.name]
+    if brep is not None:
+        files.append(f"{name}.brep_faces.csv")
+        writers.write_brep_faces(out / files[-1], analysis.mesh, brep, analysis.segment_of_faces())
+    return files
 
 
 def display_mesh(analysis: Analysis) -> DisplayMesh:

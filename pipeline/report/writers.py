@@ -8,7 +8,9 @@ import numpy as np
 import open3d as o3d
 from pydantic_core import to_json
 
-from pipeline.core.mesh import FloatArray, IndexArray, Mesh
+from pipeline.analysis.brep_segments import NO_SEGMENT, areas_mm2, centres_mm, segment_of_brep
+from pipeline.core.brep_faces import BrepFaces
+from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
 from pipeline.core.reference import Reference
 from pipeline.core.results import Check, Landmark, Match
 from pipeline.stages.segmentation import Segmentation
@@ -19,6 +21,7 @@ LANDMARK_COLUMNS = (
     *("segment", "t2", "strength", "matched_to"),
 )
 
+BREP_COLUMNS = ("number", "name", "kind", "body", "segment", "area_mm2", "x_mm", "y_mm", "z_mm")
 IDENTITY_COLUMNS = ("part_number", "serial", "batch", "order", "machine", "operator", "gauge")
 CHECK_COLUMNS = (
     *("name", "kind", "region", "value", "lower", "upper", "unit", "standard_error", "n", "result"),
@@ -90,6 +93,25 @@ def write_landmarks(
     }
     rows = [_row(mesh, each, partners.get(mesh, {})) for mesh, found in landmarks.items() for each in found]
     _write_csv(path, LANDMARK_COLUMNS, rows)
+
+
+def write_brep_faces(path: Path, mesh: Mesh, brep: BrepFaces, segment_of_face: IntArray) -> None:
+    """A row for each face of the CAD model: its area and centroid on the cleaned `mesh`, and the segment that
+    holds most of it; empty where it has no triangles there. segment_of_face : (m,)
+    """
+    segment = segment_of_brep(mesh, brep, segment_of_face)
+    rows = zip(brep.faces, segment.tolist(), areas_mm2(mesh, brep), centres_mm(mesh, brep), strict=True)
+    _write_csv(
+        path,
+        BREP_COLUMNS,
+        (
+            (
+                *(number, face.name, face.kind, face.body),
+                *(("", 0.0, "", "", "") if at == NO_SEGMENT else (at, float(area), *centre.tolist())),
+            )
+            for number, (face, at, area, centre) in enumerate(rows)
+        ),
+    )
 
 
 def write_characteristics(path: Path, checks: Sequence[Check], reference: Reference | None) -> None:

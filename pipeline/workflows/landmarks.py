@@ -24,9 +24,9 @@ def run_landmarks(
     source = read_mesh(file, "mesh", settings, timer, needs_surface=True)
     mesh = source.mesh
     analysis = analyse_mesh(mesh, "mesh", Scales.of(mesh, settings), settings, timer, seed)
-    landmarks = landmark_records(analysis)
+    landmarks, brep = landmark_records(analysis), source.brep_faces()
     result = LandmarksResult(
-        segments=SegmentsOfMesh(mesh=analysis_segments(analysis, settings)),
+        segments=SegmentsOfMesh(mesh=analysis_segments(analysis, settings, brep)),
         landmarks=LandmarksOfMesh(mesh=landmarks),
         provenance=one_provenance(source.record(), settings, seed),
         timings_s={},
@@ -34,5 +34,6 @@ def run_landmarks(
         warnings=[*analysis.warnings, *landmark_warnings(mesh=landmarks), *source.warnings()],
     )
     return publish(
-        result, out, settings, timer, lambda folder, built: write_landmarks(folder, built, analysis, settings)
+        *(result, out, settings, timer),
+        lambda folder, built: write_landmarks(folder, built, analysis, settings, brep),
     )

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from pipeline.analysis.brep_segments import segment_of_brep
 from pipeline.analysis.mesh_analysis import Analysis
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.mesh import Mesh
 from pipeline.core.results import Centre, Landmark, Note, Segments
 from pipeline.core.settings import Settings
@@ -38,12 +40,20 @@ def landmark_warnings(**landmarks: list[Landmark]) -> list[Note]:
     ]
 
 
-def analysis_segments(analysis: Analysis, settings: Settings) -> Segments:
-    """The segments of an analysed mesh."""
+def analysis_segments(analysis: Analysis, settings: Settings, brep: BrepFaces | None = None) -> Segments:
+    """The segments of an analysed mesh. brep : faces of its CAD model, where its file has them"""
     limit_share = analysis.landmarks.limit_share
-    return segments_record(
+    record = segments_record(
         analysis.mesh, analysis.resampled, analysis.segmentation, settings, limit_share=limit_share
     )
+    if brep is None:
+        return record
+    segment = segment_of_brep(analysis.mesh, brep, analysis.segment_of_faces())
+    centres = [
+        centre.model_copy(update={"brep_faces": np.flatnonzero(segment == centre.segment).tolist()})
+        for centre in record.centres
+    ]
+    return record.model_copy(update={"centres": centres})
 
 
 def segments_record(

@@ -58,7 +58,7 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
         metrics=metrics(registration, has_pose=has_pose),
         landmarks=landmarks,
         segments=SegmentsPair(
-            design=analysis_segments(design.analysis, job.settings),
+            design=analysis_segments(design.analysis, job.settings, design.cached.brep),
             scan=analysis_segments(scan, job.settings),
         ),
         deviation=outcome.deviations.summary if has_pose else None,

@@ -75,6 +75,8 @@ OTHERS: dict[str, list[Any]] = {
     "SphereRegion": [{"kind": "sphere", "centre_mm": [12, 4, 0], "radius_mm": 6}],
     "CylinderRegion": [{"kind": "cylinder", "start_mm": [0, 0, 0], "end_mm": [0, 0, 20], "radius_mm": 4}],
     "SegmentsRegion": [{"kind": "segments", "segments": [3, 4]}],
+    "BrepFacesRegion": [{"kind": "brep_faces", "faces": [7, "bore"]}],
+    "Centre": [{"brep_faces": [0, 4, 5]}],
     "FacesRegion": [{"kind": "faces", "faces": [0, 1, 2, 3]}],
     "PointLimits": [
         {

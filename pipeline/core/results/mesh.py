@@ -44,6 +44,11 @@ class Centre(Record):
     rho: float = Field(description="density at the peak (Rodriguez & Laio)")
     delta: float = Field(description="geodesic distance in mm to the nearest point of higher density")
     size: int = Field(description="vertices of the cleaned mesh in the segment")
+    brep_faces: list[int] | None = Field(
+        None,
+        description="faces of the CAD model with most of their area in the segment, as in "
+        "`<mesh>.brep_faces.csv`; null: the file has only triangles",
+    )
 
 
 class Segments(Record):

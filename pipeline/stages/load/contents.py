@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.errors import IndexOutOfRange
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray
 from pipeline.core.results import Note
@@ -24,7 +25,8 @@ class Body:
     """vertices : (n, 3) float64, unit and frame of the file, transforms of the file applied; faces : (m, 3)
     int64 or int32, none of a point cloud; name : as the file calls it, or empty;
     part : of the file that it belongs to, None where it is one itself; scanner : (3,) where the scanner stood
-    that measured it, in the frame of the vertices, None where the file does not say
+    that measured it, in the frame of the vertices, None where the file does not say; brep : faces of the CAD
+    model that the triangles stand for, None where the file has none
     """
 
     vertices: FloatArray
@@ -32,6 +34,7 @@ class Body:
     name: str = ""
     part: FilePart | None = None
     scanner: FloatArray | None = None
+    brep: BrepFaces | None = None
 
     @classmethod
     def cloud(cls, points: FloatArray, name: str = "", scanner: FloatArray | None = None) -> "Body":

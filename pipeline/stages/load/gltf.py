@@ -16,6 +16,7 @@ from pipeline.core.settings import LoadSettings
 from pipeline.stages.load.contents import Body, Contents, FilePart
 from pipeline.stages.load.gltf_accessors import Accessors
 from pipeline.stages.load.gltf_archive import open_archive
+from pipeline.stages.load.gltf_brep import brep_faces_of
 from pipeline.stages.load.gltf_container import open_container
 from pipeline.stages.load.gltf_extensions import INSTANCING, check_required
 from pipeline.stages.load.gltf_left_out import (
@@ -143,7 +144,10 @@ class _Builder:
         mirrored = np.linalg.det(linear) < 0
         faces = np.where(mirrored[:, None, None], local.faces[:, ::-1], local.faces)
         faces = faces + np.arange(len(linear))[:, None, None] * len(local.vertices)
-        self._add(Body(vertices.reshape(-1, 3), faces.reshape(-1, 3), part.name, part))
+        brep = None
+        if len(linear) == 1:
+            brep = brep_faces_of(self.accessors, primitive, len(local.faces), f"node {node.name!r}")
+        self._add(Body(vertices.reshape(-1, 3), faces.reshape(-1, 3), part.name, part, brep=brep))
 
     def _add(self, body: Body) -> None:
         if len(body.vertices):

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.brep_faces import BrepFaces
+from pipeline.core.brep_faces import joined as joined_brep_faces
 from pipeline.core.errors import (
     ColumnsUnfit,
     CoordinateOutOfRange,
@@ -64,7 +66,8 @@ class Loaded:
     """mesh : in mm, file frame; unit, mm_per_unit : unit of the file's numbers; sha256 : of the file's
     bytes; notes : what of the file is not used; body_of_face : (m,) int32 body of the file that each face is
     of, None where there is one; stations : where the scanner stood, frame of the file, None where it does not
-    say; part, columns : of the file that was asked for, as `MeshFile` has them
+    say; part, columns : of the file that was asked for, as `MeshFile` has them; brep : faces of the CAD
+    model, None where the file has none
     """
 
     mesh: Mesh
@@ -77,6 +80,7 @@ class Loaded:
     stations: Stations | None = None
     part: str | None = None
     columns: str | None = None
+    brep: BrepFaces | None = None
 
 
 def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: bool) -> Loaded:
@@ -118,6 +122,7 @@ def load(source: MeshFile, name: str, settings: LoadSettings, *, needs_surface: 
         _stations(contents, mesh, mm_per_unit),
         source.part,
         source.columns,
+        joined_brep_faces([(body.name, len(body.faces), body.brep) for body in used_bodies(contents)]),
     )
 
 

@@ -2,7 +2,8 @@
 
 Open CASCADE reads and tessellates it (package `cascadio`), in a process of its own. It gives a GLB: metres,
 in single precision. Tessellation starts from the edges, which faces share: triangles of a sound solid fit
-exactly, and an open edge says that a face is missing. Names of B-rep faces are not kept.
+exactly, and an open edge says that a face is missing. Each triangle keeps the
+number of its face of the CAD model.
 """
 
 from dataclasses import replace
@@ -48,7 +49,10 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
         tolerance_mm = TESSELLATION_SHARE * _diagonal_mm(coarse)
         if tolerance_mm == 0:
             raise UnreadableFile("the surfaces of the STEP have no extent")
-        bodies = _solids(_bodies(tessellation.glb(tolerance_mm), settings, text), text)
+        products = _bodies(tessellation.glb(tolerance_mm), settings, text)
+        bodies = _solids(products, text)
+        if len(products) == 1:  # those of several come in an order of their own
+            bodies = _named_faces(bodies, text)
     _check_rounding(bodies, tolerance_mm)
     notes = [
         *_several(bodies, text),
@@ -59,7 +63,7 @@ def read_step(data: bytes, settings: LoadSettings) -> Contents:
     ]
     mm_per_unit = DECLARED[text.unit][1] if text.unit else 1.0
     scale = MM_PER_METRE / mm_per_unit
-    scaled = tuple(Body(body.vertices * scale, body.faces, body.name) for body in bodies)
+    scaled = tuple(replace(body, vertices=body.vertices * scale, part=None) for body in bodies)
     return Contents(scaled, text.unit, tuple(notes))
 
 
@@ -89,6 +93,22 @@ def _solids(products: list[Body], text: StepText) -> list[Body]:
         for solids in split
         for number, solid in enumerate(solids, start=1)
     ]
+
+
+def _named_faces(solids: list[Body], text: StepText) -> list[Body]:
+    """The same, their faces with the names in the file. Each solid lists its faces in the order of Open
+    CASCADE; where some of them have no triangles, none is named.
+    """
+    if len(solids) != len(text.face_names):
+        return solids
+    named = []
+    for solid, names in zip(solids, text.face_names, strict=True):
+        brep = solid.brep
+        if brep is not None and len(brep.faces) == len(names):
+            pairs = zip(brep.faces, names, strict=True)
+            brep = replace(brep, faces=tuple(replace(face, name=name) for face, name in pairs))
+        named.append(replace(solid, brep=brep))
+    return named
 
 
 def _nothing(text: StepText) -> UnreadableFile:

@@ -146,6 +146,7 @@ def _main() -> None:
             tol_linear=_TOLERANCE.unpack(asked)[0],
             tol_angular=ANGLE_RAD,
             use_parallel=False,  # the same order, the same bytes
+            include_brep=True,
         )
         result.write(_LENGTH.pack(len(glb)))
         result.write(glb)

@@ -25,7 +25,7 @@ def split_solids(body: Body) -> list[Body]:
     if not starts or starts[0] != 0 or len(starts) < 2:
         return [body]
     stops = [*starts[1:], len(body.faces)]
-    return [_piece(body, body.faces[start:stop]) for start, stop in zip(starts, stops, strict=True)]
+    return [_piece(body, slice(start, stop)) for start, stop in zip(starts, stops, strict=True)]
 
 
 def _ends_of_shells(faces: IndexArray) -> list[int]:
@@ -52,6 +52,8 @@ def _volumes(vertices: FloatArray, faces: IndexArray | IntArray) -> FloatArray:
     return volumes
 
 
-def _piece(body: Body, faces: IndexArray | IntArray) -> Body:
+def _piece(body: Body, triangles: slice) -> Body:
+    faces = body.faces[triangles]
     used, of_corner = np.unique(faces, return_inverse=True)
-    return Body(body.vertices[used], of_corner.reshape(faces.shape), body.name)
+    brep = None if body.brep is None else body.brep.part(triangles)
+    return Body(body.vertices[used], of_corner.reshape(faces.shape), body.name, brep=brep)

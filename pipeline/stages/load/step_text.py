@@ -12,6 +12,10 @@ _SCHEMA = re.compile(rb"FILE_SCHEMA\s*\(\s*\(\s*'\s*([^'\s{]*)")
 _SOLID = re.compile(
     rb"#(\d+)\s*=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS|FACETED_BREP)\s*\(\s*'((?:[^']|'')*)'"
 )
+_FACE = re.compile(rb"#(\d+)\s*=\s*(?:ADVANCED_FACE|FACE_SURFACE)\s*\(\s*'((?:[^']|'')*)'")
+_SHELL = re.compile(rb"#(\d+)\s*=\s*CLOSED_SHELL\s*\(\s*'(?:[^']|'')*'\s*,\s*\(([^)]*)\)")
+#: The solid of one shell, and that shell.
+_SHELL_OF_SOLID = re.compile(rb"#(\d+)\s*=\s*MANIFOLD_SOLID_BREP\s*\(\s*'(?:[^']|'')*'\s*,\s*#(\d+)\s*\)")
 _SURFACE = re.compile(rb"=\s*(?:SHELL_BASED_SURFACE_MODEL|FACE_BASED_SURFACE_MODEL)\s*\(")
 _HIDDEN = re.compile(rb"=\s*INVISIBILITY\s*\(\s*\(([^)]*)\)")
 _STYLED = re.compile(
@@ -33,7 +37,8 @@ _OTHERWISE = "millimeter"
 class StepText:
     """unit : key of `units.DECLARED`: of the file, `millimeter` for another or several, None when it declares
     none; solid_names : of each solid; surfaces : number of models of open surfaces; external : number of
-    references to other files; hidden_names : of each solid that is marked as invisible
+    references to other files; hidden_names : of each solid that is marked as invisible; face_names :
+    of the faces of each solid, in their order; none of a solid with cavities
     """
 
     unit: str | None
@@ -41,6 +46,7 @@ class StepText:
     surfaces: int
     external: int
     hidden_names: tuple[str, ...] = ()
+    face_names: tuple[tuple[str, ...], ...] = ()
 
     @property
     def solids(self) -> int:
@@ -61,13 +67,28 @@ def read_step_text(data: bytes) -> StepText:
             f"the STEP is a building model ({schema[1].decode(errors='replace')[:20]}), which is not read",
             remedy="export the part as STEP AP203, AP214 or AP242, or as STL",
         )
-    solids = {
-        number: name.decode(errors="replace").replace("''", "'") for number, name in _SOLID.findall(data)
-    }
+    solids = {number: _text(name) for number, name in _SOLID.findall(data)}
     marked = _hidden(data)
     hidden = tuple(name for number, name in solids.items() if number in marked)
     surfaces, external = len(_SURFACE.findall(data)), len(_EXTERNAL.findall(data))
-    return StepText(_unit(data), tuple(solids.values()), surfaces, external, hidden)
+    names = _face_names(data, list(solids))
+    return StepText(_unit(data), tuple(solids.values()), surfaces, external, hidden, names)
+
+
+def _text(name: bytes) -> str:
+    """A string of the file; `''` in it is an apostrophe."""
+    return name.decode(errors="replace").replace("''", "'")
+
+
+def _face_names(data: bytes, solids: list[bytes]) -> tuple[tuple[str, ...], ...]:
+    """The names of the faces of each of the `solids`, given by their numbers."""
+    faces = {number: _text(name) for number, name in _FACE.findall(data)}
+    if not any(faces.values()):
+        return ()
+    shells = {number: _REFERENCE.findall(listed) for number, listed in _SHELL.findall(data)}
+    shell_of = dict(_SHELL_OF_SOLID.findall(data))
+    of_solid = [shells.get(shell_of.get(solid, b""), []) for solid in solids]
+    return tuple(tuple(faces.get(face, "") for face in listed) for listed in of_solid)
 
 
 def _hidden(data: bytes) -> set[bytes]:

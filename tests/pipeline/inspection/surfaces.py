@@ -38,6 +38,7 @@ def measured(
         place_face=np.zeros(c, dtype=np.int64),
         signed_at_place_mm=np.full(c, np.nan),
         segment_of_face=np.zeros(len(design.faces), dtype=np.int64),
+        brep=None,
         vertex_area_mm2=step_mm**2,
     )
 

@@ -104,6 +104,40 @@ def test_the_same_bytes_give_the_same_triangles() -> None:
         np.testing.assert_array_equal(one, other)
 
 
+def test_every_triangle_has_its_face_of_the_cad_model() -> None:
+    (body,) = read(BOX).bodies
+    assert body.brep is not None
+    assert [face.name for face in body.brep.faces] == [f"side {number}" for number in range(6)]
+    planes = [
+        (2, 0),
+        (2, 30),
+        (1, 0),
+        (1, 20),
+        (0, 0),
+        (0, 10),
+    ]  # axis and value, as in the file
+    for number, (axis, at) in enumerate(planes):
+        corners = body.vertices[body.faces[body.brep.of_triangle == number]]
+        np.testing.assert_allclose(corners[..., axis], at, atol=1e-5)
+    (pin,) = read(cylinder()).bodies
+    assert pin.brep is not None
+    assert [(face.name, face.kind) for face in pin.brep.faces] == [
+        ("bottom", "plane"),
+        ("top", "plane"),
+        ("side", "cylinder"),
+    ]
+
+
+def test_the_faces_of_several_solids_are_told_apart() -> None:
+    step = Step()
+    solids = [step.solid(step.box_faces(SIZE, at), name) for at, name in ((0 * SIZE, "low"), (SIZE, "high"))]
+    step.product("two", solids)
+    bodies = read(step.text()).bodies
+    assert [body.name for body in bodies] == ["low", "high"]
+    assert all(body.brep is not None and len(body.brep.faces) == 6 for body in bodies)
+    assert all(set(body.brep.of_triangle) == set(range(6)) for body in bodies if body.brep is not None)
+
+
 def test_an_assembly_is_placed_and_its_parts_are_listed() -> None:
     made = Step()
     made.product("block", [made.solid(made.box_faces(SIZE))])
