@@ -4,8 +4,10 @@ import fast_simplification
 import numpy as np
 import pymeshlab
 from pymeshlab import PyMeshLabException as PyMeshLabException
+from scipy.sparse import coo_matrix, csgraph
 
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
+from pipeline.kernels import topology
 
 FILTERS = (
     "meshing_repair_non_manifold_edges",
@@ -94,6 +96,26 @@ def isotropic(mesh: Mesh, edge_mm: float, iterations: int, *, crease_angle_deg: 
         checksurfdist=False,
     )
     return _current(meshes, centre_mm)
+
+
+def without_tiny_edges(mesh: Mesh, min_mm: float) -> Mesh:
+    """The mesh with the ends of every edge shorter than `min_mm` merged, at the place of the first of them.
+
+    Coincident vertices of a tangled surface cost geodesics without end: a front goes round between them in
+    ever narrower windows.
+    """
+    mesh_edges = topology.edges(mesh.faces)
+    lengths = np.linalg.norm(np.diff(mesh.vertices[mesh_edges.ends], axis=1)[:, 0], axis=1)
+    ends = mesh_edges.ends[lengths < min_mm]
+    if not len(ends):
+        return mesh
+    n = len(mesh.vertices)
+    graph = coo_matrix((np.ones(len(ends), dtype=np.int8), (ends[:, 0], ends[:, 1])), shape=(n, n))
+    merged = csgraph.connected_components(graph, directed=False)[1]
+    _, first = np.unique(merged, return_index=True)
+    a, b, c = merged[mesh.faces].T
+    keep = (a != b) & (b != c) & (c != a)
+    return Mesh(mesh.vertices[first], merged[mesh.faces][keep].astype(np.int32))
 
 
 def denoised(mesh: Mesh) -> Mesh:

@@ -53,3 +53,20 @@ def test_the_same_input_gives_the_same_bytes() -> None:
     first, second = remesh.decimated(part, 3000), remesh.decimated(part, 3000)
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
+
+
+def test_coincident_ends_of_edges_become_one_vertex() -> None:
+    ball = shapes.icosphere(10.0, 3)
+    n = len(ball.vertices)
+    # vertex 0 becomes two, a hair apart, and its triangles are shared out between them
+    around = np.flatnonzero((ball.faces == 0).any(axis=1))
+    faces = ball.faces.copy()
+    faces[around[:3]] = np.where(faces[around[:3]] == 0, n, faces[around[:3]])
+    torn = Mesh(
+        np.vstack([ball.vertices, ball.vertices[:1] + 1e-12]),
+        np.vstack([faces, [[0, n, faces[around[3]][1]]]]),
+    )
+    whole = remesh.without_tiny_edges(torn, 1e-3)
+    np.testing.assert_array_equal(whole.vertices, ball.vertices)
+    np.testing.assert_array_equal(whole.faces, ball.faces)
+    assert remesh.without_tiny_edges(ball, 1e-3) is ball
