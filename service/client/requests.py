@@ -43,6 +43,7 @@ class JobOptions(TypedDict, total=False):
     scan_accuracy_mm: float | None
     acceptance: Mapping[str, Any]
     reference: Mapping[str, Any]
+    alignment: Mapping[str, Any]
     design_part: str | None
     columns: str | None
     study: Mapping[str, Any]

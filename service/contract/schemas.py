@@ -16,6 +16,7 @@ from pydantic import (
 
 from pipeline import (
     Acceptance,
+    Alignment,
     Decision,
     LandmarksResult,
     PointColumns,
@@ -26,6 +27,7 @@ from pipeline import (
     StudySettings,
     Unit,
     VerdictStatus,
+    limits_are_given,
 )
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
@@ -136,6 +138,11 @@ class Options(Request):
         description="`registration` only: identity of the part; carried through, and searched by "
         "(`GET /v1/jobs?serial=`)",
     )
+    alignment: Alignment | None = Field(
+        None,
+        description="`registration` only: how the scan lies on the design for deviation, inspection and "
+        "files; null: as it fits best. The verdict is always about the best fit",
+    )
     design_part: str | None = Field(
         None,
         min_length=1,
@@ -172,12 +179,14 @@ class Options(Request):
         return columns
 
     @model_validator(mode="after")
-    def _acceptance_has_limits(self) -> Self:
+    def _limits_are_there(self) -> Self:
         if self.acceptance is not None:
             try:
                 self.acceptance.with_tolerance(self.tolerance_mm)
             except ValueError as error:
                 raise ValueError(f"acceptance: {error}") from error
+        if not limits_are_given(self.alignment, self.acceptance, self.tolerance_mm):
+            raise ValueError("alignment: a tolerance_fit needs limits: its own, acceptance or tolerance_mm")
         return self
 
     @field_serializer("study")

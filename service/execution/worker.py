@@ -183,6 +183,7 @@ class Worker:
             "scan_accuracy_mm": options.scan_accuracy_mm,
             "acceptance": options.acceptance and options.acceptance.model_dump(mode="json"),
             "reference": options.reference and options.reference.model_dump(mode="json"),
+            "alignment": options.alignment and options.alignment.model_dump(mode="json"),
             "seed": options.seed,
         }
         for mesh, source in row.inputs.items():

@@ -110,6 +110,61 @@ OTHERS: dict[str, list[Any]] = {
         }
     ],
     "Check": [{"region": "rim"}],
+    "BestFit": [
+        {
+            "kind": "best_fit",
+            "regions": [{"region": {"kind": "segments", "segments": [3]}, "weight": 2.0}],
+            "other_weight": 0.1,
+        }
+    ],
+    "ConstrainedFit": [
+        {
+            "kind": "constrained",
+            "regions": [{"region": {"kind": "segments", "segments": [3]}, "weight": 2.0}],
+            "other_weight": 0.1,
+            "hold": ["tx", "ty", "rz"],
+            "about_mm": [0, 0, 10],
+            "line": {"point_mm": [0, 0, 0], "direction": [0, 0, 1]},
+            "plane": {"normal": [0, 0, 1]},
+        }
+    ],
+    "RpsFit": [
+        {
+            "kind": "rps",
+            "points": [{"name": "A1", "position_mm": [5, 5, 0], "direction": [0, 0, -1], "radius_mm": 2.0}],
+        }
+    ],
+    "ToleranceFit": [{"kind": "tolerance_fit", "tolerance_mm": 0.2, "lower_mm": -0.2, "upper_mm": 0.2}],
+    "LandmarksFit": [
+        {
+            "kind": "landmarks",
+            "pairs": [{"name": "L1", "design_mm": [0, 0, 0], "scan_mm": [12.1, 3.9, 40.2]}],
+            "design_landmarks": [0, 1, 4, 7],
+        }
+    ],
+    "AppliedAlignment": [
+        {
+            "kind": "rps",
+            "applied": False,
+            "reason": "the scan does not show 'A3'",
+            "residual_mm": 0.0,
+            "best_fit_residual_mm": 0.081,
+            "best_fit_matrix": [[1, 0, 0, 12.0], [0, 1, 0, -7.0], [0, 0, 1, 3.0], [0, 0, 0, 1]],
+            "translation_mm": 0.074,
+            "angle_deg": 0.11,
+            "iterations": 3,
+            "free_motions": [{"kind": "translation", "axis": [1, 0, 0], "point_mm": [0, 0, 0]}],
+            "points": [
+                {
+                    "name": "A1",
+                    "position_mm": [5, 5, 0],
+                    "best_fit_mm": 0.062,
+                    "value_mm": 0.0,
+                    "n": 41,
+                }
+            ],
+        }
+    ],
     "Health": [{"status": "ok"}],
     "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
     "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],
