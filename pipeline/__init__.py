@@ -20,6 +20,7 @@ from pipeline.core.alignment import (
     limits_are_given,
     parse_alignment,
 )
+from pipeline.core.characteristics import Characteristics, with_named_regions
 from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
@@ -42,6 +43,7 @@ __all__ = [
     "Acceptance",
     "Alignment",
     "BestFit",
+    "Characteristics",
     "ConstrainedFit",
     "Decision",
     "Detector",
@@ -75,4 +77,5 @@ __all__ = [
     "preload",
     "register",
     "study",
+    "with_named_regions",
 ]

@@ -117,8 +117,30 @@ class FacesRegion(OptionPart):
     )
 
 
+class SegmentsAtRegion(OptionPart):
+    """The segments of the design at these places: the same ones, whatever their numbers are."""
+
+    kind: Literal["segments_at"] = Field(description="kind of the region")
+    places_mm: list[Place] = Field(
+        min_length=1, max_length=MAX_REGIONS, description="on the design's surface, one in each segment"
+    )
+    radius_mm: Length = Field(1.0, description="how far a place may be from the surface")
+
+
+class NamedRegion(OptionPart):
+    """A region of the design's characteristics (`PUT /v1/designs/{blob}/characteristics`)."""
+
+    kind: Literal["named"] = Field(description="kind of the region")
+    name: Name = Field(description="of the region, as the characteristics have it")
+
+
+SurfaceRegion = Annotated[
+    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | SegmentsAtRegion | FacesRegion,
+    Field(discriminator="kind"),
+]
 Region = Annotated[
-    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | FacesRegion, Field(discriminator="kind")
+    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | SegmentsAtRegion | FacesRegion | NamedRegion,
+    Field(discriminator="kind"),
 ]
 
 

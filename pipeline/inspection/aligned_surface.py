@@ -167,7 +167,8 @@ def _limits(
 def _members(placed: Placed, region: Region, name: str) -> BoolArray:
     """(n,) whether a scan vertex has its place in the region, under the automatic pose."""
     closest = placed.start.closest
-    return regions.members(region, name, closest.point, closest.face, placed.segment_of_face)
+    on_design = (placed.segment_of_face, placed.surface)
+    return regions.members(region, name, closest.point, closest.face, *on_design)
 
 
 def _weights(placed: Placed, alignment: BestFit | ConstrainedFit) -> FloatArray:

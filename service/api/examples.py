@@ -68,6 +68,10 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.NotFound("/v1/job does not exist; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
+    errors.NoCharacteristics(f"nothing is kept with {BLOB_ID}; PUT it here"),
+    errors.PreconditionFailed(
+        f"what is kept with {BLOB_ID} is not what the request expects; get it, and decide again"
+    ),
     errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),

@@ -16,11 +16,12 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
-from pipeline import detect_format
+from pipeline import Characteristics, detect_format
 from service.api.dependencies import Api
 from service.api.storage_room import check_disk, check_quota
 from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
+from service.contract.design_options import completed
 from service.contract.errors import (
     IdempotencyMismatch,
     InvalidRequest,
@@ -92,7 +93,7 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
             submission = await run_in_threadpool(_from_form, api, caller, form, key, size)
     elif kind == "application/json":
-        submission = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
+        submission = await run_in_threadpool(_from_json, api, caller, await json_body(request), key)
     else:
         raise UnsupportedMediaType(
             f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), "
@@ -171,12 +172,15 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
 
 
 def _store(api: Api, caller: Caller, key: str | None, submission: Submission) -> JobRow:
+    options = submission.options
+    if submission.job_type == "registration" and not (key and api.jobs.knows_key(caller.tenant, key)):
+        options = completed(options, characteristics_of(api, submission.inputs["design"]["blob"], caller))
     row = JobRow(
         id=new_id(),
         tenant=caller.tenant,
         type=submission.job_type,
         inputs=submission.inputs,
-        options=submission.options.model_dump(mode="json"),
+        options=options.model_dump(mode="json"),
         label=submission.options.label,
         **_identity(submission.options),
         attempt=0,
@@ -196,6 +200,12 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
             return stored
     log.info("job accepted", job_id=row.id, type=row.type, label=row.label)
     return row
+
+
+def characteristics_of(api: Api, design: str, caller: Caller) -> Characteristics | None:
+    """What the tenant keeps with a design."""
+    row = api.jobs.characteristics(design, caller.tenant)
+    return None if row is None else Characteristics.model_validate(row.document)
 
 
 def _identity(options: Options) -> dict[str, str | None]:
@@ -282,7 +292,8 @@ def _check_room(api: Api, caller: Caller, key: str | None, size: int = 0) -> Non
         raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send it again later")
 
 
-async def _body(request: Request) -> bytes:
+async def json_body(request: Request) -> bytes:
+    """The body, at most `MAX_TEXT_BYTES`. Raises PayloadTooLarge."""
     body = b""
     async for chunk in request.stream():
         body += chunk

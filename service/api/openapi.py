@@ -7,6 +7,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from pipeline import Characteristics
 from service.api.examples import examples
 from service.api.problems import MEDIA_TYPE as PROBLEM_TYPE
 from service.api.problems import problems
@@ -42,7 +43,7 @@ def describe(app: FastAPI) -> None:
 def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(title=app.title, version=app.version, description=DESCRIPTION, routes=app.routes)
     schemas = document["components"]["schemas"]
-    for model in (*EXTRA_SCHEMAS, Problem):
+    for model in (*EXTRA_SCHEMAS, Characteristics, Problem):
         own = model.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas |= own.pop("$defs", {})
         schemas[model.__name__] = own

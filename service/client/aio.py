@@ -20,7 +20,7 @@ from tenacity import AsyncRetrying
 from pipeline import LandmarksResult, RegistrationResult, StudyResult
 from service.client import requests as calls
 from service.client.requests import DEFAULT_SERVER, PATIENCE_S, Call, JobOptions
-from service.client.sync import Mesh, R, Result, wait_for
+from service.client.sync import Mesh, R, Result, _id_of, wait_for
 from service.contract.schemas import Blob, FileEntry, Job, JobType
 
 CHUNK = 1 << 20
@@ -67,6 +67,22 @@ class AsyncClient:
     async def put_blob(self, mesh: Path | str) -> Blob:
         """Upload one mesh for later jobs."""
         return await self._do(calls.put_blob(Path(mesh)))
+
+    async def put_characteristics(
+        self, design: Blob | str, document: Mapping[str, Any], *, if_match: str | None = None
+    ) -> None:
+        """Keep named regions, limits and an alignment with a design, for all later jobs on it. if_match : the
+        ETag that they must still have
+        """
+        await self._do(calls.put_characteristics(_id_of(design), document, if_match))
+
+    async def characteristics(self, design: Blob | str) -> dict[str, Any]:
+        """What is kept with a design. Raises ServiceProblem `no_characteristics`."""
+        return await self._do(calls.characteristics(_id_of(design)))
+
+    async def delete_characteristics(self, design: Blob | str) -> None:
+        """Forget what is kept with a design."""
+        await self._do(calls.delete_characteristics(_id_of(design)))
 
     async def job(self, job_id: str) -> Job:
         """The present status of a job."""

@@ -155,6 +155,23 @@ def job(job_id: str, wait_s: int = 0) -> Call[Job]:
     return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
 
 
+def put_characteristics(design: str, document: Mapping[str, Any], if_match: str | None) -> Call[None]:
+    headers = {} if if_match is None else {"If-Match": if_match}
+    return Call("PUT", _kept(design), lambda _: None, headers=headers, document=dict(document))
+
+
+def characteristics(design: str) -> Call[dict[str, Any]]:
+    return Call("GET", _kept(design), _document)
+
+
+def delete_characteristics(design: str) -> Call[None]:
+    return Call("DELETE", _kept(design), lambda _: None)
+
+
+def _kept(design: str) -> str:
+    return f"/v1/designs/{design}/characteristics"
+
+
 def results(job_id: str) -> Call[dict[str, Any]]:
     return Call("GET", f"/v1/jobs/{job_id}/results", _document)
 

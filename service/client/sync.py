@@ -128,6 +128,22 @@ class Client:
         """Upload one mesh for later jobs."""
         return self._do(calls.put_blob(Path(mesh)))
 
+    def put_characteristics(
+        self, design: Blob | str, document: Mapping[str, Any], *, if_match: str | None = None
+    ) -> None:
+        """Keep named regions, limits and an alignment with a design, for all later jobs on it. if_match : the
+        ETag that they must still have
+        """
+        self._do(calls.put_characteristics(_id_of(design), document, if_match))
+
+    def characteristics(self, design: Blob | str) -> dict[str, Any]:
+        """What is kept with a design. Raises ServiceProblem `no_characteristics`."""
+        return self._do(calls.characteristics(_id_of(design)))
+
+    def delete_characteristics(self, design: Blob | str) -> None:
+        """Forget what is kept with a design."""
+        self._do(calls.delete_characteristics(_id_of(design)))
+
     def job(self, job_id: str) -> Job:
         """The present status of a job."""
         return self._do(calls.job(job_id))
@@ -255,6 +271,10 @@ class Running(Generic[Result]):
     def dismiss(self) -> None:
         """Dismiss or remove the job."""
         self.client.dismiss(self.id)
+
+
+def _id_of(design: Blob | str) -> str:
+    return design.id if isinstance(design, Blob) else design
 
 
 def wait_for(deadline: float) -> int:

@@ -82,6 +82,14 @@ class FileNotInJob(ServiceError):
     code = "file_not_found"
 
 
+class NoCharacteristics(ServiceError):
+    code = "no_characteristics"
+
+
+class PreconditionFailed(ServiceError):
+    code = "precondition_failed"
+
+
 class JobNotFinal(ServiceError):
     code = "job_not_final"
     retry_after_s = 1
@@ -189,6 +197,8 @@ TABLE: dict[type[Exception], Row] = {
     JobNotFound: Row(404, "The job does not exist"),
     DeliveryNotFound: Row(404, "The message does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
+    NoCharacteristics: Row(404, "The design has no characteristics"),
+    PreconditionFailed: Row(412, "The document has changed"),
     JobNotFinal: Row(409, "The job has no results yet"),
     JobFinal: Row(409, "The job has ended and cannot be cancelled"),
     JobDismissed: Row(409, "The job was dismissed and has no results"),

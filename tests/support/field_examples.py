@@ -75,6 +75,16 @@ OTHERS: dict[str, list[Any]] = {
     "SphereRegion": [{"kind": "sphere", "centre_mm": [12, 4, 0], "radius_mm": 6}],
     "CylinderRegion": [{"kind": "cylinder", "start_mm": [0, 0, 0], "end_mm": [0, 0, 20], "radius_mm": 4}],
     "SegmentsRegion": [{"kind": "segments", "segments": [3, 4]}],
+    "SegmentsAtRegion": [{"kind": "segments_at", "places_mm": [[5, 7, 0]], "radius_mm": 1.0}],
+    "NamedRegion": [{"kind": "named", "name": "seat"}],
+    "Characteristics": [
+        {
+            "regions": [{"name": "seat", "region": {"kind": "segments_at", "places_mm": [[5, 7, 0]]}}],
+            "tolerance_mm": 0.2,
+            "acceptance": {"tolerance_mm": 0.2},
+            "alignment": {"kind": "best_fit"},
+        }
+    ],
     "FacesRegion": [{"kind": "faces", "faces": [0, 1, 2, 3]}],
     "PointLimits": [
         {
