@@ -45,6 +45,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),
                 Guard.of(settings.webhook_networks),
+                Guard.of(settings.mesh_networks, "CUSP_MESH_NETWORKS"),
                 Rates(settings.rate_limit_per_s),
                 watch,
             )

@@ -50,6 +50,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     ),
     errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
+    errors.MeshNotFetched("scan: https://files.example.com/a.ply answers 403; the address may have expired"),
     errors.PayloadTooLarge(
         "the request is larger than the limit of 512 MiB; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
     ),

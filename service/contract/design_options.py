@@ -1,5 +1,7 @@
 """The options of a job, completed by what is kept with its design."""
 
+from typing import Any
+
 from pydantic import ValidationError
 
 from pipeline import Characteristics, with_named_regions
@@ -8,6 +10,13 @@ from service.contract.options import problem_item, problem_items, summarize
 from service.contract.schemas import Options
 
 TAKEN = ("tolerance_mm", "acceptance", "alignment")
+
+
+def known_blob(source: dict[str, Any]) -> str | None:
+    """Id of the content of an input of a job; None for an address without a digest."""
+    if source.get("blob"):
+        return str(source["blob"])
+    return f"sha256:{source['sha256']}" if source.get("sha256") else None
 
 
 def completed(options: Options, kept: Characteristics | None) -> Options:

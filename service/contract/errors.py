@@ -46,6 +46,10 @@ class UnknownBlob(ServiceError):
     code = "unknown_blob"
 
 
+class MeshNotFetched(ServiceError):
+    code = "mesh_not_fetched"
+
+
 class Unauthorized(ServiceError):
     code = "unauthorized"
 
@@ -181,6 +185,7 @@ TABLE: dict[type[Exception], Row] = {
     InvalidOptions: Row(422, "An option is invalid"),
     UnsupportedType: Row(422, "The job type is not supported"),
     UnknownBlob: Row(422, "The blob does not exist"),
+    MeshNotFetched: Row(422, "The mesh cannot be fetched from its address"),
     IdempotencyMismatch: Row(422, "The idempotency key belongs to another request"),
     DigestMismatch: Row(422, "The content does not match its digest"),
     PayloadTooLarge: Row(413, "The request is too large"),

@@ -202,12 +202,30 @@ class BlobRef(Request):
     filename: str | None = Field(None, max_length=255, description="used to detect the format only")
 
 
+class UrlRef(Request):
+    """A mesh at a web address, which the service fetches when the job starts; presigned addresses too."""
+
+    url: str = Field(
+        max_length=4000,
+        description="http(s) address; a private one only if the operator allows its network",
+    )
+    sha256: str | None = Field(
+        None, pattern=r"^[0-9a-f]{64}$", description="hex digest that the content must have"
+    )
+    filename: str | None = Field(
+        None, max_length=255, description="used to detect the format only; null: the end of the address"
+    )
+
+
+MeshRef = BlobRef | UrlRef
+
+
 class RegistrationRequest(Request):
     """Register a scan to its design and measure the deviation."""
 
     type: Literal["registration"] = Field("registration", description="what to do")
-    design: BlobRef = Field(description="the design mesh")
-    scan: BlobRef = Field(description="the scan mesh, or points")
+    design: MeshRef = Field(description="the design mesh")
+    scan: MeshRef = Field(description="the scan mesh, or points")
     options: Options = Field(Options(), description="how to run the job")
 
 
@@ -215,7 +233,7 @@ class LandmarksRequest(Request):
     """Segments and landmarks of one mesh."""
 
     type: Literal["landmarks"] = Field(description="what to do")
-    mesh: BlobRef = Field(description="the mesh")
+    mesh: MeshRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job")
 
 
@@ -223,7 +241,7 @@ class StudyRequest(Request):
     """How informative the landmarks of one mesh are, or how repeatable on another mesh of its shape."""
 
     type: Literal["study"] = Field(description="what to do")
-    mesh: BlobRef = Field(description="the mesh")
+    mesh: MeshRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job; `study` says what to do")
 
 
@@ -244,8 +262,11 @@ class Blob(Response):
 class JobInput(Response):
     """A mesh of a job. Other jobs may name it: a design is sent once for many scans."""
 
-    blob: BlobId
+    blob: BlobId | None = Field(description="its id; null for a `url` that is not fetched yet")
     filename: str | None = Field(description="as sent; null if none was sent")
+    url: str | None = Field(
+        None, description="where it was fetched from, without query (it may hold a signature); null otherwise"
+    )
 
 
 class JobInputs(Response):

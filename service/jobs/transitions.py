@@ -73,6 +73,11 @@ class JobTransitions(TableAccess):
         mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
         return self._update(job_id, *mine, heartbeat_ms=self._clock_ms(), **progress)
 
+    def note_inputs(self, job_id: str, attempt: int, inputs: dict[str, Any], options: dict[str, Any]) -> bool:
+        """Store what a running job was found to work on: the blobs of meshes that were fetched."""
+        mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
+        return self._update(job_id, *mine, inputs=inputs, options=options)
+
     def succeed(
         self,
         job_id: str,

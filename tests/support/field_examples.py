@@ -76,6 +76,14 @@ OTHERS: dict[str, list[Any]] = {
     "CylinderRegion": [{"kind": "cylinder", "start_mm": [0, 0, 0], "end_mm": [0, 0, 20], "radius_mm": 4}],
     "SegmentsRegion": [{"kind": "segments", "segments": [3, 4]}],
     "SegmentsAtRegion": [{"kind": "segments_at", "places_mm": [[5, 7, 0]], "radius_mm": 1.0}],
+    "UrlRef": [
+        {
+            "url": "https://files.example.com/scans/0042.ply?X-Amz-Signature=...",
+            "sha256": BLOB_ID.removeprefix("sha256:"),
+            "filename": "0042.ply",
+        }
+    ],
+    "JobInput": [{"url": "https://files.example.com/scans/0042.ply"}],
     "NamedRegion": [{"kind": "named", "name": "seat"}],
     "Characteristics": [
         {
