@@ -69,6 +69,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.NotFound("/v1/job does not exist; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
+    errors.BatchNotFound(f"no batch has the id '{JOB_ID}'; see /v1/batches"),
     errors.NoCharacteristics(f"nothing is kept with {BLOB_ID}; PUT it here"),
     errors.PreconditionFailed(
         f"what is kept with {BLOB_ID} is not what the request expects; get it, and decide again"

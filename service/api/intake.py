@@ -16,7 +16,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
-from pipeline import Characteristics, detect_format
+from pipeline import Characteristics, Reference, detect_format
 from service.api.dependencies import Api
 from service.api.storage_room import check_disk, check_quota
 from service.api.webhook_options import check_webhook
@@ -201,7 +201,7 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
         inputs=submission.inputs,
         options=options.model_dump(mode="json"),
         label=submission.options.label,
-        **_identity(submission.options),
+        **identity_of(options.reference),
         attempt=0,
         crashes=0,
         progress=0.0,
@@ -232,9 +232,8 @@ def with_design(api: Api, caller: Caller, options: Options, design: dict[str, An
     return completed(options, None if row is None else Characteristics.model_validate(row.document))
 
 
-def _identity(options: Options) -> dict[str, str | None]:
+def identity_of(reference: Reference | None) -> dict[str, str | None]:
     """The columns that jobs are found by."""
-    reference = options.reference
     names = ("serial", "batch", "part_number")
     return {name: None if reference is None else getattr(reference, name) for name in names}
 

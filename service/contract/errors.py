@@ -86,6 +86,10 @@ class FileNotInJob(ServiceError):
     code = "file_not_found"
 
 
+class BatchNotFound(ServiceError):
+    code = "batch_not_found"
+
+
 class NoCharacteristics(ServiceError):
     code = "no_characteristics"
 
@@ -202,6 +206,7 @@ TABLE: dict[type[Exception], Row] = {
     JobNotFound: Row(404, "The job does not exist"),
     DeliveryNotFound: Row(404, "The message does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
+    BatchNotFound: Row(404, "The batch does not exist"),
     NoCharacteristics: Row(404, "The design has no characteristics"),
     PreconditionFailed: Row(412, "The document has changed"),
     JobNotFinal: Row(409, "The job has no results yet"),

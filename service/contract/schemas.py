@@ -31,6 +31,7 @@ from pipeline import (
 )
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
+MAX_BATCH = 1000  # scans of one batch
 NO_NUL = r"^[^\x00]*$"  # PostgreSQL has no text with it
 JobType = Literal["registration", "landmarks", "study"]
 
@@ -249,6 +250,36 @@ class StudyRequest(Request):
 JobRequest = RegistrationRequest | LandmarksRequest | StudyRequest
 
 
+class BatchScan(Request):
+    """One scan of a batch."""
+
+    scan: MeshRef = Field(description="the scan mesh, or points")
+    reference: Reference | None = Field(
+        None, description="identity of this part; over `options.reference` of the batch, key by key"
+    )
+    label: str | None = Field(
+        None, max_length=200, pattern=NO_NUL, description="of this job; null: that of `options`"
+    )
+
+
+class BatchRequest(Request):
+    """Register many scans to one design."""
+
+    design: MeshRef = Field(description="the design mesh")
+    scans: list[BatchScan] = Field(min_length=1, max_length=MAX_BATCH, description="a job for each")
+    options: Options = Field(Options(), description="of every job; without a webhook")
+    label: str | None = Field(
+        None, max_length=200, pattern=NO_NUL, description="free text, to find the batch again"
+    )
+    webhook: Webhook | None = Field(None, description="receiver of one message, when every job is final")
+
+    @model_validator(mode="after")
+    def _one_message(self) -> Self:
+        if self.options.webhook is not None:
+            raise ValueError("options.webhook: a batch sends one message; give `webhook` beside `options`")
+        return self
+
+
 class Blob(Response):
     """A stored mesh file."""
 
@@ -304,6 +335,7 @@ class Job(Response):
         description="is the part accepted, as in the results; null until `successful`, and for other types"
     )
     reference: Reference | None = Field(description="identity of the part, as sent in `options`")
+    batch_id: str | None = Field(None, description="of the batch that it belongs to; null: none")
     inputs: JobInputs = Field(description="the meshes of the job")
     created: datetime = Field(description="when it was accepted")
     started: datetime | None = Field(description="when the latest attempt started")
@@ -316,6 +348,39 @@ class Job(Response):
     def is_final(self) -> bool:
         """True when polling can stop."""
         return self.status.is_final
+
+
+class BatchLinks(Response):
+    """Addresses that belong to a batch."""
+
+    self: str = Field(description="status")
+    jobs: str = Field(description="its jobs")
+    table: str = Field(description="a CSV row for each scan")
+    deliveries: str = Field(description="the message to its webhook")
+
+
+class Batch(Response):
+    """The state of a batch."""
+
+    id: str = Field(description="UUIDv7; sorts by time of creation")
+    label: str | None = Field(description="as sent")
+    status: Literal["accepted", "running", "finished"] = Field(
+        description="`finished`: every job is final, whatever became of it"
+    )
+    total: int = Field(description="number of scans")
+    by_status: dict[Status, int] = Field(description="number of jobs by status")
+    by_verdict: dict[str, int] = Field(description="number of successful jobs by verdict on the alignment")
+    by_decision: dict[Decision, int] = Field(description="number of successful jobs by decision on the part")
+    created: datetime = Field(description="when it was accepted")
+    finished: datetime | None = Field(description="when its last job became final")
+    links: BatchLinks = Field(description="addresses of the batch")
+
+
+class BatchPage(Response):
+    """Batches, newest first."""
+
+    batches: list[Batch] = Field(description="the batches of this page")
+    next: str | None = Field(description="`cursor` of the next page; null on the last")
 
 
 class JobPage(Response):
@@ -346,8 +411,10 @@ class Delivery(Response):
     """A message to a job's webhook."""
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
-    job: str = Field(description="`id` of the job")
-    event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
+    job: str = Field(description="`id` of the job, or of the batch")
+    event: str = Field(
+        description="`job.successful`, `job.failed` or `job.dismissed`; of a batch `batch.finished`"
+    )
     url: str = Field(description="address of the receiver")
     state: DeliveryState = Field(description="state of the message")
     next: datetime | None = Field(description="when the next attempt is due; null if there is none")

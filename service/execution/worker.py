@@ -233,6 +233,12 @@ class Worker:
         for mesh, source in row.inputs.items():
             if "url" not in source or source.get("blob"):
                 continue
+            if mesh == "design" and row.batch_id is not None:
+                known = self._jobs.fetched_design(row.batch_id, without_query(source["url"]))
+                if known is not None and source.get("sha256") is None:
+                    inputs[mesh] = known
+                    options = self._with_design(row, options, known["blob"])
+                    continue
             heart.note("load", 0.0, f"load: fetching {mesh}")
             upload = self._fetch_url(mesh, source, heart)
             filename = source.get("filename") or without_query(source["url"]).rpartition("/")[2][-255:]
@@ -247,13 +253,16 @@ class Worker:
             url = without_query(source["url"])
             inputs[mesh] = {"blob": upload.blob_id, "filename": filename, "url": url}
             if mesh == "design" and known_blob(source) is None:
-                kept = self._jobs.characteristics(upload.blob_id, row.tenant)
-                document = None if kept is None else Characteristics.model_validate(kept.document)
-                completed_options = completed(Options.model_validate(options), document)
-                options = completed_options.model_dump(mode="json")
+                options = self._with_design(row, options, upload.blob_id)
         self._retry(lambda: self._jobs.note_inputs(row.id, row.attempt, inputs, options), heart)
         row.inputs, row.options = inputs, options
         return row
+
+    def _with_design(self, row: JobRow, options: dict[str, Any], design: str) -> dict[str, Any]:
+        """The options completed by what is kept with the design."""
+        kept = self._jobs.characteristics(design, row.tenant)
+        document = None if kept is None else Characteristics.model_validate(kept.document)
+        return completed(Options.model_validate(options), document).model_dump(mode="json")
 
     def _fetch_url(self, mesh: str, source: dict[str, Any], heart: Heartbeat) -> Upload:
         writer = self._blobs.writer()

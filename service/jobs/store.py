@@ -7,6 +7,7 @@ from sqlalchemy import String, func, select, type_coerce
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from service.contract.schemas import JobType, Status
+from service.jobs.batches import BatchRecords
 from service.jobs.blob_records import BlobRecords
 from service.jobs.characteristics import CharacteristicsRecords
 from service.jobs.expiry import ExpiryQueries
@@ -20,7 +21,13 @@ log = structlog.get_logger()
 
 
 class JobStore(
-    JobTransitions, QueueEntries, WorkerRegistry, BlobRecords, CharacteristicsRecords, ExpiryQueries
+    JobTransitions,
+    QueueEntries,
+    WorkerRegistry,
+    BlobRecords,
+    CharacteristicsRecords,
+    BatchRecords,
+    ExpiryQueries,
 ):
     """All tables of jobs of one database. Safe to share between threads; rows are detached copies."""
 

@@ -76,6 +76,43 @@ OTHERS: dict[str, list[Any]] = {
     "CylinderRegion": [{"kind": "cylinder", "start_mm": [0, 0, 0], "end_mm": [0, 0, 20], "radius_mm": 4}],
     "SegmentsRegion": [{"kind": "segments", "segments": [3, 4]}],
     "SegmentsAtRegion": [{"kind": "segments_at", "places_mm": [[5, 7, 0]], "radius_mm": 1.0}],
+    "BatchRequest": [
+        {
+            "design": {"blob": BLOB_ID},
+            "scans": [
+                {
+                    "scan": {"url": "https://files.example.com/A-17.ply"},
+                    "reference": {"serial": "A-17"},
+                    "label": "A-17.ply",
+                }
+            ],
+            "options": {"tolerance_mm": 0.2},
+            "label": "night shift",
+            "webhook": {"url": "https://mes.example.com/hooks/cusp"},
+        }
+    ],
+    "BatchScan": [{"label": "A-17.ply", "scan": {"url": "https://files.example.com/A-17.ply"}}],
+    "Batch": [
+        {
+            "id": JOB_ID,
+            "label": "night shift",
+            "status": "running",
+            "total": 300,
+            "by_status": {"accepted": 120, "running": 2, "successful": 177, "failed": 1},
+            "by_verdict": {"ok": 170, "uncertain": 7},
+            "by_decision": {"pass": 161, "fail": 9, "not_judged": 7},
+            "created": AT,
+            "finished": AT,
+            "links": {
+                "self": f"/v1/batches/{JOB_ID}",
+                "jobs": f"/v1/jobs?batch_id={JOB_ID}",
+                "table": f"/v1/batches/{JOB_ID}/table.csv",
+                "deliveries": f"/v1/batches/{JOB_ID}/deliveries",
+            },
+        }
+    ],
+    "BatchPage": [{"batches": [], "next": JOB_ID}],
+    "Job": [{"batch_id": JOB_ID}],
     "UrlRef": [
         {
             "url": "https://files.example.com/scans/0042.ply?X-Amz-Signature=...",
