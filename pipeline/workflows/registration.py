@@ -19,10 +19,12 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
 from pipeline.core.results import DesignDeviation, RegistrationResult
+from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
+from pipeline.inspection import qdas
 from pipeline.inspection.alignment import Aligned, align
 from pipeline.inspection.inspect import inspect, without_pose
-from pipeline.report.artifacts import write_registration
+from pipeline.report.artifacts import Artifacts, write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.stages.registration import Registration, ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
@@ -57,14 +59,25 @@ def run_registration(
         out,
         settings,
         timer,
-        lambda folder, built: write_registration(
-            folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
+        lambda folder, built: (
+            write_registration(
+                folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
+            )
+            + _write_qdas(folder, built, settings)
         ),
     )
     has_files = bool(outcome.design.cached.files)  # those of the design, which the model keeps
     if design_cache is not None and (design is None or has_files is not had_files):
         outcome.design.save(design_cache)
     return result
+
+
+def _write_qdas(folder: Path, result: RegistrationResult, settings: Settings) -> Artifacts:
+    """The checks for statistics programs, where they are asked for and there are any."""
+    if not settings.report.qdas or result.inspection is None or not result.inspection.checks:
+        return Artifacts()
+    (folder / qdas.NAME).write_bytes(qdas.dfq(result.inspection.checks, result.reference))
+    return Artifacts((qdas.NAME,))
 
 
 def compute_registration(

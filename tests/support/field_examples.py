@@ -161,6 +161,7 @@ OTHERS: dict[str, list[Any]] = {
             "machine": "SLA 2",
             "operator": "jd",
             "gauge": "scanner 3",
+            "measured_at": "2026-11-27T14:16:01",
             "more": {"shift": "2"},
         }
     ],
