@@ -55,7 +55,7 @@ def step(
     rows = np.concatenate([np.cross(arm, directions) / radius, directions], axis=1)
     scale = np.concatenate([np.full(3, 1 / radius), np.ones(3)])  # twist = scale * unknowns in mm
     basis = _orthonormal(np.eye(6) if allowed.basis is None else allowed.basis / scale[:, None])
-    reduced = rows @ basis
+    reduced = np.einsum("ki,ij->kj", rows, basis)  # not by BLAS, which splits sums among threads
     normal = np.einsum("k,ki,kj->ij", weights / total, reduced, reduced)
     right = np.einsum("k,ki,k->i", weights / total, reduced, residual)
     values, vectors = np.linalg.eigh(normal)

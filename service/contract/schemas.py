@@ -9,6 +9,8 @@ from pydantic import (
     ConfigDict,
     Field,
     JsonValue,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     field_serializer,
     field_validator,
     model_validator,
@@ -218,7 +220,14 @@ class UrlRef(Request):
     )
 
 
-MeshRef = BlobRef | UrlRef
+def _by_its_keys(value: Any, either: ValidatorFunctionWrapHandler) -> Any:
+    """As one of the two, so that an error is about the one that is meant."""
+    if not isinstance(value, dict):
+        return either(value)
+    return (UrlRef if "url" in value and "blob" not in value else BlobRef).model_validate(value)
+
+
+MeshRef = Annotated[BlobRef | UrlRef, WrapValidator(_by_its_keys)]
 
 
 class RegistrationRequest(Request):

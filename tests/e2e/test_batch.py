@@ -64,7 +64,7 @@ def test_the_parts_of_a_drifting_printer_that_left_the_tolerance_fail(
     ]
     reference = {"part_number": "BLOB", "batch": "drift"}
     made = client.submit_batch(design, scans, batch_label="drift", settings=SETTINGS, reference=reference)
-    done = client.wait_batch(made.id, timeout_s=600)
+    done = client.wait_batch(made.id, timeout_s=3600)
     assert done.by_status == {"successful": PARTS}
     table = list(csv.DictReader(io.StringIO(client.batch_table(made.id))))
     assert [line["serial"] for line in table] == [f"P-{number:02}" for number in range(PARTS)]
