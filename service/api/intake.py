@@ -315,13 +315,13 @@ def check_room(api: Api, caller: Caller, key: str | None, size: int = 0, count: 
         raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send it again later")
 
 
-async def json_body(request: Request) -> bytes:
-    """The body, at most `MAX_TEXT_BYTES`. Raises PayloadTooLarge."""
+async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The body. Raises PayloadTooLarge."""
     body = b""
     async for chunk in request.stream():
         body += chunk
-        if len(body) > MAX_TEXT_BYTES:
+        if len(body) > max_bytes:
             raise PayloadTooLarge(
-                f"the limit of a JSON body is {MAX_TEXT_BYTES} bytes; send meshes by PUT /v1/blobs"
+                f"the limit of a JSON body is {max_bytes} bytes; send meshes by PUT /v1/blobs"
             )
     return body

@@ -10,12 +10,14 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.contract.schemas import Batch, BatchLinks, DeliveryState, Status
 from service.jobs.deliveries import DeliveryRow, receiver_of
+from service.jobs.metrics import count
 from service.jobs.models import Base, IdempotencyRow, JobRow, new_id
 from service.jobs.queue_entries import next_rank
 from service.jobs.table_access import TableAccess
 from service.jobs.views import time_of
 
 FINISHED = "batch.finished"
+_FAILED = (JobRow.status == Status.FAILED, JobRow.removed_ms.is_(None))
 
 
 class BatchRow(Base):
@@ -102,17 +104,28 @@ class BatchRecords(TableAccess):
         with self._session() as session:
             return session.scalars(_jobs(batch_id)).all()
 
-    def unfinished_of_batch(self, batch_id: str) -> list[tuple[str, Status]]:
-        """Id and status of each job that is not final."""
-        query = select(JobRow.id, JobRow.status).where(
-            JobRow.batch_id == batch_id, JobRow.status.in_([Status.ACCEPTED, Status.RUNNING])
-        )
-        with self._session() as session:
-            return [(row.id, row.status) for row in session.execute(query)]
+    def dismiss_batch(self, batch_id: str) -> int:
+        """Dismiss every job that is not final, in one transaction; workers kill what runs. Returns how
+        many.
+        """
+        now = self._clock_ms()
+        waits = JobRow.status.in_([Status.ACCEPTED, Status.RUNNING])
+        with self._session.begin() as session:
+            ended = session.scalars(
+                update(JobRow)
+                .where(JobRow.batch_id == batch_id, waits)
+                .values(status=Status.DISMISSED, finished_ms=now)
+                .returning(JobRow.id),
+                execution_options={"synchronize_session": False},
+            ).all()
+            if ended:
+                count(session, "cusp_jobs_ended", Status.DISMISSED.value, len(ended))
+                jobs_ended(session, batch_id, now, len(ended))
+        return len(ended)
 
     def count_failed(self, batch_id: str) -> int:
         """Jobs that failed."""
-        query = select(func.count()).where(JobRow.batch_id == batch_id, JobRow.status == Status.FAILED)
+        query = select(func.count()).where(JobRow.batch_id == batch_id, *_FAILED)
         with self._session() as session:
             return session.scalar(query) or 0
 
@@ -126,7 +139,7 @@ class BatchRecords(TableAccess):
                 .values(unfinished=BatchRow.unfinished)
                 .returning(BatchRow)
             ).one()
-            failed = session.scalars(_jobs(batch_id).where(JobRow.status == Status.FAILED)).all()
+            failed = session.scalars(_jobs(batch_id).where(*_FAILED)).all()
             again = [
                 JobRow(
                     id=new_id(),
@@ -160,12 +173,12 @@ class BatchRecords(TableAccess):
         return None
 
 
-def job_ended(session: Session, batch_id: str, at_ms: int) -> None:
-    """Count down, in the transaction that ends the job; the last ends the batch and stores its message."""
+def jobs_ended(session: Session, batch_id: str, at_ms: int, jobs: int = 1) -> None:
+    """Count down, in the transaction that ends them; the last ends the batch and stores its message."""
     batch = session.scalars(
         update(BatchRow)
         .where(BatchRow.id == batch_id)
-        .values(unfinished=BatchRow.unfinished - 1)
+        .values(unfinished=BatchRow.unfinished - jobs)
         .returning(BatchRow),
         execution_options={"populate_existing": True},
     ).one_or_none()

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import select, update
 
 from service.contract.schemas import Problem, Status
-from service.jobs.batches import job_ended
+from service.jobs.batches import jobs_ended
 from service.jobs.deliveries import announce
 from service.jobs.metrics import count
 from service.jobs.models import MAX_CRASHES, JobRow, check_move
@@ -185,7 +185,7 @@ class JobTransitions(TableAccess):
             if is_done and "status" in values and values["status"].is_final:
                 announce(session, job_id, self._clock_ms())
                 if done is not None and done.batch_id is not None:
-                    job_ended(session, done.batch_id, self._clock_ms())
+                    jobs_ended(session, done.batch_id, self._clock_ms())
             return is_done
 
 

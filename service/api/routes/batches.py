@@ -38,6 +38,8 @@ COLUMNS = (
     *("index", "job", "label", *REFERENCE_COLUMNS),
     *("status", "verdict", "decision", "error", "created", "finished"),
 )
+#: Of a request: 1,000 scans with the longest addresses and references.
+MAX_BATCH_BYTES = 8 * 1024 * 1024
 router = APIRouter(prefix="/v1/batches", tags=["batches"])
 
 
@@ -66,7 +68,9 @@ async def submit_batch(
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
         raise UnsupportedMediaType(f"Content-Type {kind!r}: send application/json")
-    row = await run_in_threadpool(accept_batch, api, caller, await json_body(request), idempotency_key)
+    row = await run_in_threadpool(
+        accept_batch, api, caller, await json_body(request, MAX_BATCH_BYTES), idempotency_key
+    )
     response.headers["Location"] = f"/v1/batches/{row.id}"
     return await run_in_threadpool(api.jobs.batch_document, row)
 
@@ -127,9 +131,7 @@ def batch_deliveries(batch_id: BatchId, api: UseApi, caller: Reads) -> DeliveryL
 def cancel_batch(batch_id: BatchId, api: UseApi, caller: Writes) -> Batch:
     """Cancel every job of a batch that has not ended; results are kept."""
     row = _existing(api, caller, batch_id)
-    while unfinished := api.jobs.unfinished_of_batch(row.id):
-        for job_id, status in unfinished:
-            api.jobs.dismiss(job_id, status)  # nothing where its status changed meanwhile: looked up again
+    api.jobs.dismiss_batch(row.id)
     return api.jobs.batch_document(_existing(api, caller, batch_id))
 
 
