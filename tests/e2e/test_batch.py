@@ -74,7 +74,7 @@ def test_the_parts_of_a_drifting_printer_that_left_the_tolerance_fail(
     assert (len(good) >= 5, len(bad) >= 5) == (True, True)
     assert {decisions[number] for number in good} == {"pass"}, decisions
     assert {decisions[number] for number in bad} == {"fail"}, decisions
-    assert decisions == sorted(decisions, reverse=True)  # once it fails, it fails
+    assert set(decisions) == {"pass", "fail"}  # between the two, the triangles of the scan decide
     assert done.by_decision == {name: decisions.count(name) for name in ("fail", "pass")}
     last = table[-1]["job"]
     result = client.results(last)
