@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from pipeline.core.alignment import LandmarksFit, RpsFit, RpsPoint
 from pipeline.core.errors import PointOffSurface
@@ -44,9 +45,9 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
     sites = [_site(each, placed) for each in alignment.points]
     places, along = (np.array([getattr(each, of) for each in sites]) for of in ("place", "direction"))
     T, before = placed.start.T_design_scan, None
-    centre = places.mean(axis=0)
+    centre, tree = places.mean(axis=0), KDTree(placed.scan.vertices)
     for number in range(1, MAX_STEPS + 1):
-        found = [_offset(each, placed, T) for each in sites]
+        found = [_offset(each, placed, tree, T) for each in sites]
         residual = np.array([np.nan if value is None else value.median_mm for value in found])
         before = residual if before is None else before
         points = _records(sites, before, residual, found)
@@ -78,13 +79,16 @@ def _site(point: RpsPoint, placed: Placed) -> _Site:
     return _Site(point, closest.point[0], closest.normal[0], direction)
 
 
-def _offset(site: _Site, placed: Placed, T_design_scan: FloatArray) -> Value | None:
-    """How far the scan is from the place of the design, along the direction; None where it shows none."""
+def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray) -> Value | None:
+    """How far the scan is from the place of the design, along the direction; None where it shows none.
+
+    tree : of the vertices of the scan
+    """
     T_scan_design = rigid.inverse(T_design_scan)
     # only vertices that can have their closest place near the point
     there = rigid.transformed(T_scan_design, site.place[None])[0]
     reach = site.point.radius_mm + placed.inlier_mm
-    near = np.flatnonzero(np.linalg.norm(placed.scan.vertices - there, axis=1) <= reach)
+    near = np.array(tree.query_ball_point(there, reach, return_sorted=True), dtype=np.int64)
     if len(near) < MIN_VERTICES:
         return None
     moved = rigid.transformed(T_design_scan, placed.scan.vertices[near])

@@ -1,12 +1,17 @@
 """Jobs on meshes at web addresses: fetched when the job starts, guarded, limited, checked."""
 
 import hashlib
+import socket
 from collections.abc import Iterator
+from io import BytesIO
 from typing import Any
 
 import pytest
 
+from service.contract.errors import MeshNotFetched
 from service.settings import MIB
+from service.webhooks.address_guard import Guard
+from service.webhooks.mesh_fetch import MeshFetcher
 from tests.support.file_server import serving_files
 from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
 
@@ -101,3 +106,27 @@ def test_limits_of_a_design_that_is_fetched_hold_too(service: Service, files: st
     job_id = service.http.post("/v1/jobs", json=request).json()["id"]
     service.worker.run(job_id)
     assert service.sandbox.tasks[-1]["tolerance_mm"] == 0.7
+
+
+def test_a_name_that_leads_inside_is_not_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it led to when the job was accepted: the address that the connection uses is checked."""
+    inside = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", ("10.0.0.7", 80))]
+    monkeypatch.setattr("service.webhooks.http_client.socket.getaddrinfo", lambda *_, **__: inside)
+    with pytest.raises(MeshNotFetched, match=r"a.stl .*not a public .*10.0.0.7.*CUSP_MESH_NETWORKS"):
+        fetcher = MeshFetcher(Guard.of("", "CUSP_MESH_NETWORKS"), MIB, 5.0)
+        fetcher.fetch("http://files.example.org/a.stl?key=1", BytesIO())
+
+
+def test_the_design_of_a_batch_is_fetched_once(service: Service) -> None:
+    files: dict[str, bytes | int | str] = {"/d.obj": TRIANGLE_OBJ}
+    blob = service.http.put("/v1/blobs", params={"filename": "s.obj"}, content=TRIANGLE_OBJ).json()["id"]
+    with serving_files(files) as address:
+        scans = [{"scan": {"blob": blob, "filename": "s.obj"}}] * 2
+        request = {"design": {"url": f"{address}/d.obj"}, "scans": scans}
+        made = service.http.post("/v1/batches", json=request).json()
+        first, second = service.waiting
+        service.worker.run(first)
+        files["/d.obj"] = 404
+        service.worker.run(second)
+    found = service.http.get(made["links"]["self"]).json()
+    assert found["by_status"] == {"successful": 2}
