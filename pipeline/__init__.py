@@ -10,6 +10,17 @@ Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first c
 from pipeline.api import find_landmarks, find_segments, preload, register, study
 from pipeline.core import errors
 from pipeline.core.acceptance import Acceptance
+from pipeline.core.alignment import (
+    Alignment,
+    BestFit,
+    ConstrainedFit,
+    LandmarksFit,
+    RpsFit,
+    ToleranceFit,
+    limits_are_given,
+    parse_alignment,
+)
+from pipeline.core.characteristics import Characteristics, with_named_regions
 from pipeline.core.code_fingerprint import code_fingerprint
 from pipeline.core.errors import PipelineError
 from pipeline.core.formats import HEAD_BYTES, Format, detect_format
@@ -30,9 +41,14 @@ from pipeline.core.settings import Detector, Settings, StudyKind, StudySettings,
 __all__ = [
     "HEAD_BYTES",
     "Acceptance",
+    "Alignment",
+    "BestFit",
+    "Characteristics",
+    "ConstrainedFit",
     "Decision",
     "Detector",
     "Format",
+    "LandmarksFit",
     "LandmarksResult",
     "MeshFile",
     "OnProgress",
@@ -41,12 +57,14 @@ __all__ = [
     "Progress",
     "Reference",
     "RegistrationResult",
+    "RpsFit",
     "SegmentsResult",
     "Settings",
     "Stage",
     "StudyKind",
     "StudyResult",
     "StudySettings",
+    "ToleranceFit",
     "Unit",
     "VerdictStatus",
     "code_fingerprint",
@@ -54,7 +72,10 @@ __all__ = [
     "errors",
     "find_landmarks",
     "find_segments",
+    "limits_are_given",
+    "parse_alignment",
     "preload",
     "register",
     "study",
+    "with_named_regions",
 ]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.core.acceptance import Acceptance
+from pipeline.core.alignment import Alignment
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, ignore
@@ -21,6 +22,7 @@ def register(
     scan_accuracy_mm: float | None = None,
     acceptance: Acceptance | None = None,
     reference: Reference | None = None,
+    alignment: Alignment | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     design_cache: Path | str | None = None,
@@ -41,6 +43,7 @@ def register(
     acceptance : what the part must satisfy: limits of its deviation, of regions and points; without any,
         `inspection.decision` is `not_judged`
     reference : identity of the part, carried through to the results
+    alignment : how the scan lies on the design for deviation, inspection and files; None: as it fits best
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
     design_cache : file where the analysis of the design is kept for its next scan; made when it is not there,
@@ -54,7 +57,8 @@ def register(
         result: `verdict.status == "no_match"`, `transform is None`.
     ValueError
         When `tolerance_mm` or `scan_accuracy_mm` is not above 0, or `acceptance` asks for a share of the area
-        within limits that neither it nor `tolerance_mm` gives.
+        within limits that neither it nor `tolerance_mm` gives, or `alignment` fits to limits and there are
+        none.
     """
     for name, length_mm in (("tolerance_mm", tolerance_mm), ("scan_accuracy_mm", scan_accuracy_mm)):
         if length_mm is not None and not 0 < length_mm < float("inf"):
@@ -64,7 +68,10 @@ def register(
     return run_registration(
         MeshFile.of(design),
         MeshFile.of(scan),
-        JobParameters.of(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm, acceptance, reference),
+        JobParameters.of(
+            *(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm),
+            *(acceptance, reference, alignment),
+        ),
         out=None if out is None else Path(out),
         design_cache=None if design_cache is None else Path(design_cache),
         on_progress=on_progress,

@@ -64,6 +64,12 @@ class ServiceSettings(BaseSettings):
     webhook_networks: str = Field(
         "", description="private networks that webhooks may reach: `10.1.0.0/16, 127.0.0.0/8`"
     )
+    mesh_networks: str = Field(
+        "", description="private networks that meshes may be fetched from by `url`: `10.1.0.0/16`"
+    )
+    mesh_fetch_time_limit_s: float = Field(
+        120, gt=0, description="a mesh that takes longer to fetch by `url` fails its job (mesh_not_fetched)"
+    )
     queue_limit: int = Field(
         20_000, ge=1, description="limit of waiting jobs; beyond it, jobs are refused (queue_full)"
     )
@@ -103,7 +109,7 @@ class ServiceSettings(BaseSettings):
             raise ValueError("must be postgresql://user:password@host/name, or empty for SQLite")
         return SecretStr(re.sub(r"^postgres(ql)?(\+psycopg)?://", "postgresql+psycopg://", url))
 
-    @field_validator("webhook_networks", mode="after")
+    @field_validator("webhook_networks", "mesh_networks", mode="after")
     @classmethod
     def _are_networks(cls, networks: str) -> str:
         for word in filter(None, (each.strip() for each in networks.split(","))):

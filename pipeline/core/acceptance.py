@@ -17,11 +17,13 @@ Name = Annotated[str, Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f
 MAX_REGIONS, MAX_POINTS = 200, 1000
 
 
-class _Part(BaseModel):
+class OptionPart(BaseModel):
+    """Base of what a job states about its part: an unknown key is an error."""
+
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class Limits(_Part):
+class Limits(OptionPart):
     """Lower and upper limit of a deviation; `tolerance_mm` is short for both."""
 
     tolerance_mm: Length | None = Field(None, description="limits of - and + this; instead of the next two")
@@ -62,7 +64,7 @@ class SurfaceLimits(Limits):
     )
 
 
-class BoxRegion(_Part):
+class BoxRegion(OptionPart):
     """Between two corners, along the axes of the design."""
 
     kind: Literal["box"] = Field(description="kind of the region")
@@ -76,7 +78,7 @@ class BoxRegion(_Part):
         return self
 
 
-class SphereRegion(_Part):
+class SphereRegion(OptionPart):
     """Within a distance of a point."""
 
     kind: Literal["sphere"] = Field(description="kind of the region")
@@ -84,7 +86,7 @@ class SphereRegion(_Part):
     radius_mm: Length = Field(description="its radius")
 
 
-class CylinderRegion(_Part):
+class CylinderRegion(OptionPart):
     """Within a distance of a line, between its two ends."""
 
     kind: Literal["cylinder"] = Field(description="kind of the region")
@@ -99,14 +101,14 @@ class CylinderRegion(_Part):
         return self
 
 
-class SegmentsRegion(_Part):
+class SegmentsRegion(OptionPart):
     """Segments of the design, by number. The same design and settings have the same segments every time."""
 
     kind: Literal["segments"] = Field(description="kind of the region")
     segments: list[Annotated[int, Field(ge=0)]] = Field(min_length=1, description="as in `segments.design`")
 
 
-class FacesRegion(_Part):
+class FacesRegion(OptionPart):
     """Triangles of the design, by number."""
 
     kind: Literal["faces"] = Field(description="kind of the region")
@@ -115,7 +117,7 @@ class FacesRegion(_Part):
     )
 
 
-class BrepFacesRegion(_Part):
+class BrepFacesRegion(OptionPart):
     """Faces of the CAD model (planes, cylinders, ...), of a design in STEP."""
 
     kind: Literal["brep_faces"] = Field(description="kind of the region")
@@ -126,8 +128,42 @@ class BrepFacesRegion(_Part):
     )
 
 
+class SegmentsAtRegion(OptionPart):
+    """The segments of the design at these places: the same ones, whatever their numbers are."""
+
+    kind: Literal["segments_at"] = Field(description="kind of the region")
+    places_mm: list[Place] = Field(
+        min_length=1, max_length=MAX_REGIONS, description="on the design's surface, one in each segment"
+    )
+    radius_mm: Length = Field(1.0, description="how far a place may be from the surface")
+
+
+class NamedRegion(OptionPart):
+    """A region of the design's characteristics (`PUT /v1/designs/{blob}/characteristics`)."""
+
+    kind: Literal["named"] = Field(description="kind of the region")
+    name: Name = Field(description="of the region, as the characteristics have it")
+
+
+SurfaceRegion = Annotated[
+    BoxRegion
+    | SphereRegion
+    | CylinderRegion
+    | SegmentsRegion
+    | SegmentsAtRegion
+    | FacesRegion
+    | BrepFacesRegion,
+    Field(discriminator="kind"),
+]
 Region = Annotated[
-    BoxRegion | SphereRegion | CylinderRegion | SegmentsRegion | FacesRegion | BrepFacesRegion,
+    BoxRegion
+    | SphereRegion
+    | CylinderRegion
+    | SegmentsRegion
+    | SegmentsAtRegion
+    | FacesRegion
+    | BrepFacesRegion
+    | NamedRegion,
     Field(discriminator="kind"),
 ]
 

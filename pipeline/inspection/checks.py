@@ -36,11 +36,11 @@ def checks_of(part: Part, acceptance: Acceptance) -> list[Check]:
     """
     found = [*_of_the_whole(part, acceptance)]
     surface, own_feet, own_places = part.surface, _none(part.surface.foot_mm), _none(part.surface.place_mm)
+    on_design = (surface.segment_of_face, part.design, surface.brep)
     of_regions: list[Check] = []
     for each in acceptance.regions:
-        of_design = (surface.segment_of_face, surface.brep)
-        feet = regions.members(each.region, each.name, surface.foot_mm, surface.face, *of_design)
-        places = regions.members(each.region, each.name, surface.place_mm, surface.place_face, *of_design)
+        feet = regions.members(each.region, each.name, surface.foot_mm, surface.face, *on_design)
+        places = regions.members(each.region, each.name, surface.place_mm, surface.place_face, *on_design)
         own_feet |= feet
         own_places |= places
         of_regions += _of_surface(part, each, each.name, feet, places, acceptance)

@@ -29,8 +29,10 @@ def inspect(
     design: DesignModel,
     verdict: Verdict,
     acceptance: Acceptance | None,
+    alignment_problem: str | None = None,
 ) -> Inspection:
-    """Check a registered scan against its limits. seen : share of the design's area that the scan shows
+    """Check a registered scan against its limits. seen : share of the design's area that the scan shows;
+    alignment_problem : why the alignment asked for was not made
 
     A part passes only when the verdict is `ok`, there is at least one check, and all pass. It fails only when
     the pose is sure (`pose_is_sure`): under one that may be wrong, deviations say nothing about the part.
@@ -44,7 +46,7 @@ def inspect(
     found = patches(surface, diameter_mm or default_diameter_mm(surface, design.diagonal_mm))
     part = Part(surface, found, design.surface, seen, verdict)
     checks = [] if acceptance is None else checks_of(part, acceptance)
-    decision, reasons = decide(verdict, checks, acceptance)
+    decision, reasons = decide(verdict, checks, acceptance, alignment_problem)
     return Inspection(
         decision=decision,
         reasons=reasons,
@@ -69,9 +71,14 @@ def without_pose(verdict: Verdict, acceptance: Acceptance | None) -> Inspection:
 
 
 def decide(
-    verdict: Verdict, checks: list[Check], acceptance: Acceptance | None
+    verdict: Verdict,
+    checks: list[Check],
+    acceptance: Acceptance | None,
+    alignment_problem: str | None = None,
 ) -> tuple[Decision, list[str]]:
-    """The decision and why, for people."""
+    """The decision and why, for people. Under another alignment than the one asked for nothing is judged."""
+    if alignment_problem is not None:
+        return "not_judged", [f"the alignment was not applied: {alignment_problem}"]
     reasons = [words(check) for check in checks if check.passed is not True]
     if acceptance is not None and pose_is_sure(verdict) and any(check.passed is False for check in checks):
         return "fail", reasons

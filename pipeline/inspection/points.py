@@ -39,7 +39,11 @@ def measured_point(point: PointLimits, surface: MeasuredSurface, design: Surface
         When no surface of the design (with the normal asked for) is within the radius of the point.
     """
     position = np.array([point.position_mm], dtype=np.float64)
-    on = _facing(design, point)
+    on = design if point.normal is None else facing(design, np.array(point.normal))
+    if on is None:
+        raise PointOffSurface(
+            f"no surface of the design faces as the normal of inspection point {point.name!r}", mesh="design"
+        )
     closest = on.closest(position)
     if closest.distance[0] > point.radius_mm:
         asked = "" if point.normal is None else " with its normal"
@@ -77,16 +81,10 @@ def off_nominal(
     return value_mm, float(np.hypot(of_first, of_second)), n
 
 
-def _facing(design: Surface, point: PointLimits) -> Surface:
-    """The surface that faces as the point's normal says; all of it where the point has none."""
-    if point.normal is None:
-        return design
-    wanted = np.array(point.normal) / np.linalg.norm(point.normal)
+def facing(design: Surface, direction: FloatArray) -> Surface | None:
+    """The surface whose normal is within `MIN_COSINE` of `direction` (3,); None where there is none."""
+    wanted = direction / np.linalg.norm(direction)
     cross = design.mesh.face_cross_mm2()
     cosine = cross @ wanted / np.maximum(np.linalg.norm(cross, axis=1), 1e-300)
     chosen = np.flatnonzero(cosine >= MIN_COSINE)
-    if len(chosen) == 0:
-        raise PointOffSurface(
-            f"no surface of the design faces as the normal of inspection point {point.name!r}", mesh="design"
-        )
-    return Surface(Mesh(design.mesh.vertices, design.mesh.faces[chosen]))
+    return Surface(Mesh(design.mesh.vertices, design.mesh.faces[chosen])) if len(chosen) else None

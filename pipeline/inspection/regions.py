@@ -7,13 +7,16 @@ from pipeline.core.acceptance import (
     BrepFacesRegion,
     CylinderRegion,
     FacesRegion,
+    NamedRegion,
     Region,
+    SegmentsAtRegion,
     SegmentsRegion,
     SphereRegion,
 )
 from pipeline.core.brep_faces import BrepFaces
-from pipeline.core.errors import UnknownRegion
+from pipeline.core.errors import PointOffSurface, UnknownRegion
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
+from pipeline.kernels.surface import Surface
 
 
 def members(
@@ -22,6 +25,7 @@ def members(
     points: FloatArray,
     face: IndexArray,
     segment_of_face: IndexArray,
+    design: Surface,
     brep: BrepFaces | None = None,
 ) -> BoolArray:
     """(k,) whether each of `points` (k, 3) mm, on triangle `face` (k,) of the design, lies in the region.
@@ -33,6 +37,8 @@ def members(
     ------
     UnknownRegion
         When it names a segment, a triangle or a face that the design does not have.
+    PointOffSurface
+        When a place of `segments_at` is not on the design.
     """
     match region:
         case BoxRegion():
@@ -50,6 +56,22 @@ def members(
         case SegmentsRegion():
             _known(region.segments, int(segment_of_face.max()) + 1, name, "segment")
             return np.isin(segment_of_face[face], region.segments)
+        case SegmentsAtRegion():
+            closest = design.closest(np.array(region.places_mm, dtype=np.float64))
+            far = int(closest.distance.argmax())
+            if closest.distance[far] > region.radius_mm:
+                raise PointOffSurface(
+                    f"place {far} of region {name!r} is {closest.distance[far]:.3g} mm off the design's "
+                    f"surface, more than its radius_mm of {region.radius_mm:g}",
+                    mesh="design",
+                )
+            return np.isin(segment_of_face[face], segment_of_face[closest.face])
+        case NamedRegion():
+            raise UnknownRegion(
+                f"region {name!r} refers to {region.name!r} of the characteristics of a design, which only "
+                "the service keeps",
+                mesh="design",
+            )
         case FacesRegion():
             _known(region.faces, len(segment_of_face), name, "triangle")
             return np.isin(face, region.faces)

@@ -50,6 +50,15 @@ def from_vector(x: FloatArray) -> FloatArray:
     return compose(np.eye(3) + s * K + c * np.einsum("hij,hjk->hik", K, K), x[:, 3:])
 
 
+def rotation_vector(T: FloatArray) -> FloatArray:
+    """(3,) axis times angle (radians, below pi) of the rotation of T (4, 4)."""
+    R = T[:3, :3]
+    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    length = float(np.linalg.norm(sine))
+    angle = np.arctan2(length, 0.5 * (np.trace(R) - 1))
+    return np.asarray(sine * (angle / length if length > 0 else 1.0))
+
+
 def orthonormal(T: FloatArray) -> FloatArray:
     """(4, 4) the nearest proper rigid motion to T (4, 4): removes the rounding error of many products."""
     u, _, vt = np.linalg.svd(T[:3, :3])

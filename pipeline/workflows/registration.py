@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pipeline.analysis.design_model import DesignModel, build_design, fingerprint, load_design
 from pipeline.analysis.inputs import read_mesh
-from pipeline.analysis.mesh_analysis import Analysis, analyse_mesh
+from pipeline.analysis.mesh_analysis import analyse_mesh
 from pipeline.analysis.part_of_scan import register_part
 from pipeline.analysis.scan_registration import RegisteredScan, match_scan
 from pipeline.core import timing
@@ -19,11 +19,14 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
 from pipeline.core.results import DesignDeviation, RegistrationResult
+from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
+from pipeline.inspection import qdas
+from pipeline.inspection.alignment import Aligned, align
 from pipeline.inspection.inspect import inspect, without_pose
-from pipeline.report.artifacts import write_registration
+from pipeline.report.artifacts import Artifacts, write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
-from pipeline.stages.registration import ScaleDiagnosis, diagnose_scale
+from pipeline.stages.registration import Registration, ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
 from pipeline.stages.table import without_table
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
@@ -56,12 +59,22 @@ def run_registration(
     del outcome  # the search trees of a scan of a million triangles take 300 MB, which the pictures need
     result = publish(
         *(result, out, settings, timer),
-        lambda folder, built: write_registration(folder, built, *written, settings),
+        lambda folder, built: (
+            write_registration(folder, built, *written, settings) + _write_qdas(folder, built, settings)
+        ),
     )
     has_files = bool(design.cached.files)  # those of the design, which the model keeps
     if design_cache is not None and (is_new or has_files is not had_files):
         design.save(design_cache)
     return result
+
+
+def _write_qdas(folder: Path, result: RegistrationResult, settings: Settings) -> Artifacts:
+    """The checks for statistics programs, where they are asked for and there are any."""
+    if not settings.report.qdas or result.inspection is None or not result.inspection.checks:
+        return Artifacts()
+    (folder / qdas.NAME).write_bytes(qdas.dfq(result.inspection.checks, result.reference))
+    return Artifacts((qdas.NAME,))
 
 
 def compute_registration(
@@ -91,10 +104,11 @@ def compute_registration(
         quality = assess_quality(input_scan.mesh, design.diagonal_mm, job)
         registered, checks = verify_hypotheses(registered, quality, design, job)
         verdict = judge(Case.of(registered, checks, quality, design, job), settings.registration)
+    has_pose = verdict.status in HAS_POSE
     with timer.stage(Stage.DEVIATION):
-        deviations = _deviations(registered.scan, registered, design, job)
-        has_pose = verdict.status in HAS_POSE
-        of_design = _deviation_of_design(registered, design, job) if has_pose else None
+        aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None)
+        deviations = _deviations(aligned.registration, design, job)
+        of_design = _deviation_of_design(aligned.registration, design, job) if has_pose else None
         scale = _scale(registered, design, job) if has_pose else None
         alternatives = listed_alternatives(
             registered.registration, checks, design.surface, rejected=not has_pose
@@ -102,29 +116,31 @@ def compute_registration(
     with timer.stage(Stage.INSPECTION):
         if has_pose and deviations.summary is not None:
             seen = None if of_design is None else of_design.seen
-            inspection = inspect(registered.registration, deviations, seen, design, verdict, job.acceptance)
+            inspection = inspect(
+                *(aligned.registration, deviations, seen, design, verdict, job.acceptance),
+                alignment_problem=aligned.problem,
+            )
         else:
             inspection = without_pose(verdict, job.acceptance)
     return RegistrationOutcome(
-        *(design, input_scan, registered, quality, checks, verdict, deviations, of_design, scale),
+        *(design, input_scan, registered, aligned, quality, checks, verdict, deviations, of_design, scale),
         alternatives=alternatives,
         inspection=inspection,
     )
 
 
-def _deviations(
-    scan: Analysis, registered: RegisteredScan, design: DesignModel, job: JobParameters
-) -> Deviations:
-    segments, fit = design.analysis.segment_of_faces(), registered.registration.fit
-    return deviation(scan.mesh, design.surface, fit, segments, job.tolerance_mm, job.settings.deviation)
+def _deviations(registration: Registration, design: DesignModel, job: JobParameters) -> Deviations:
+    segments, fit = design.analysis.segment_of_faces(), registration.fit
+    return deviation(
+        registration.scan, design.surface, fit, segments, job.tolerance_mm, job.settings.deviation
+    )
 
 
 def _deviation_of_design(
-    registered: RegisteredScan, design: DesignModel, job: JobParameters
+    registration: Registration, design: DesignModel, job: JobParameters
 ) -> DesignDeviation | None:
-    registration = registered.registration
     return deviation_of_design(
-        registered.scan.mesh,
+        registration.scan,
         registration.scan_surface,
         design.surface,
         registration.fit,

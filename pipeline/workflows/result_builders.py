@@ -49,10 +49,12 @@ def registration_result(outcome: RegistrationOutcome, job: JobParameters) -> Reg
     return RegistrationResult(
         verdict=outcome.verdict,
         transform=transform(
-            T_design_scan, cached.input.mm_per_unit, outcome.input_scan.loaded, checks.unit_factor
+            outcome.aligned.registration.fit.T_design_scan,
+            *(cached.input.mm_per_unit, outcome.input_scan.loaded, checks.unit_factor),
         )
         if has_pose
         else None,
+        alignment=outcome.aligned.record,
         alternatives=alternative_records(outcome.alternatives, registration.best, design.diagonal_mm),
         symmetry=symmetry_record(registration, checks) if has_pose else None,
         metrics=metrics(registration, has_pose=has_pose),

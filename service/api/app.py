@@ -14,7 +14,7 @@ from service.api.middleware.body_limit import BodyLimit
 from service.api.middleware.gunzip import Gunzip
 from service.api.middleware.request_log import RequestLog
 from service.api.openapi import describe
-from service.api.routes import blobs, deliveries, page, service
+from service.api.routes import batches, blobs, deliveries, designs, page, service
 from service.api.routes import jobs as job_routes
 from service.auth.keys import KeyStore
 from service.auth.rate_limit import Rates
@@ -45,6 +45,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),
                 Guard.of(settings.webhook_networks),
+                Guard.of(settings.mesh_networks, "CUSP_MESH_NETWORKS"),
                 Rates(settings.rate_limit_per_s),
                 watch,
             )
@@ -54,7 +55,9 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, docs_url=None, redoc_url=None)
     # routers
     app.include_router(job_routes.router)
+    app.include_router(batches.router)
     app.include_router(blobs.router)
+    app.include_router(designs.router)
     app.include_router(deliveries.router)
     app.include_router(service.router)
     app.include_router(page.router)

@@ -29,6 +29,7 @@ class Api:
     metrics: Metrics
     deliveries: Deliveries
     guard: Guard
+    mesh_guard: Guard
     rates: Rates
     watch: JobWatch
 

@@ -50,6 +50,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     ),
     errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
+    errors.MeshNotFetched("scan: https://files.example.com/a.ply answers 403; the address may have expired"),
     errors.PayloadTooLarge(
         "the request is larger than the limit of 512 MiB; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
     ),
@@ -68,6 +69,11 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.NotFound("/v1/job does not exist; see /docs"),
     errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
     errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
+    errors.BatchNotFound(f"no batch has the id '{JOB_ID}'; see /v1/batches"),
+    errors.NoCharacteristics(f"nothing is kept with {BLOB_ID}; PUT it here"),
+    errors.PreconditionFailed(
+        f"what is kept with {BLOB_ID} is not what the request expects; get it, and decide again"
+    ),
     errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),

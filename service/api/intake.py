@@ -16,11 +16,12 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
-from pipeline import detect_format
+from pipeline import Characteristics, Reference, detect_format
 from service.api.dependencies import Api
 from service.api.storage_room import check_disk, check_quota
 from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
+from service.contract.design_options import completed, known_blob
 from service.contract.errors import (
     IdempotencyMismatch,
     InvalidRequest,
@@ -34,18 +35,20 @@ from service.contract.job_types import ALL_MESHES, MESHES, check_meshes, check_o
 from service.contract.options import check_ceilings, invalid_request, parse_options, read_json
 from service.contract.schemas import (
     Blob,
-    BlobRef,
     JobRequest,
     JobType,
     LandmarksRequest,
+    MeshRef,
     Options,
     ProblemItem,
     RegistrationRequest,
     Status,
     StudyRequest,
+    UrlRef,
 )
 from service.jobs.models import JobRow, new_id
 from service.storage.blobs import Upload
+from service.webhooks.address_guard import ForbiddenAddress
 
 REQUESTS: dict[JobType, type[JobRequest]] = {
     "registration": RegistrationRequest,
@@ -77,7 +80,8 @@ class Submission:
     def sha256(self) -> str:
         """Hash of the content of the meshes, their file name suffixes, the type and the options as sent."""
         meshes = {
-            name: [each["blob"], Path(each["filename"] or "").suffix] for name, each in self.inputs.items()
+            name: [each.get("blob") or each["url"], Path(each["filename"] or "").suffix]
+            for name, each in self.inputs.items()
         }
         parts = [self.job_type, meshes, self.sent_options]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
@@ -92,7 +96,7 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
         async with request.form(max_files=8, max_fields=16, max_part_size=MAX_TEXT_BYTES) as form:
             submission = await run_in_threadpool(_from_form, api, caller, form, key, size)
     elif kind == "application/json":
-        submission = await run_in_threadpool(_from_json, api, caller, await _body(request), key)
+        submission = await run_in_threadpool(_from_json, api, caller, await json_body(request), key)
     else:
         raise UnsupportedMediaType(
             f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), "
@@ -138,7 +142,7 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None, size: 
     check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
-    _check_room(api, caller, key, size)
+    check_room(api, caller, key, size)
     blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
     return Submission(job_type, inputs, options, sent)
@@ -162,23 +166,42 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
         job = REQUESTS[job_type].model_validate(given)
     except ValidationError as error:
         raise invalid_request(error) from error
-    inputs: dict[str, BlobRef] = {name: getattr(job, name) for name in MESHES[job_type]}
+    inputs: dict[str, MeshRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
-        if not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
-            raise UnknownBlob(f"{name}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
-    _check_room(api, caller, key)
+        check_mesh(api, caller, ref, name)
+    check_room(api, caller, key)
     return Submission(job_type, {name: ref.model_dump() for name, ref in inputs.items()}, options, sent)
 
 
+def check_mesh(api: Api, caller: Caller, ref: MeshRef, where: str) -> None:
+    """A blob must be stored, and an address one that meshes may be fetched from. where : path in the request
+
+    Raises
+    ------
+    UnknownBlob, InvalidRequest
+    """
+    if isinstance(ref, UrlRef):
+        try:
+            api.mesh_guard.check_url(ref.url)
+        except ForbiddenAddress as error:
+            item = ProblemItem(pointer=f"/{where}/url", detail=str(error)[:300])
+            raise InvalidRequest(f"{where}: url {error}", errors=[item]) from error
+    elif not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
+        raise UnknownBlob(f"{where}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
+
+
 def _store(api: Api, caller: Caller, key: str | None, submission: Submission) -> JobRow:
+    options = submission.options
+    if submission.job_type == "registration" and not (key and api.jobs.knows_key(caller.tenant, key)):
+        options = with_design(api, caller, options, submission.inputs["design"])
     row = JobRow(
         id=new_id(),
         tenant=caller.tenant,
         type=submission.job_type,
         inputs=submission.inputs,
-        options=submission.options.model_dump(mode="json"),
+        options=options.model_dump(mode="json"),
         label=submission.options.label,
-        **_identity(submission.options),
+        **identity_of(options.reference),
         attempt=0,
         crashes=0,
         progress=0.0,
@@ -198,9 +221,19 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
     return row
 
 
-def _identity(options: Options) -> dict[str, str | None]:
+def with_design(api: Api, caller: Caller, options: Options, design: dict[str, Any]) -> Options:
+    """The options completed by what the tenant keeps with the design. Of an address without a digest that is
+    known only when it is fetched. Raises InvalidOptions.
+    """
+    blob = known_blob(design)
+    if blob is None:
+        return options
+    row = api.jobs.characteristics(blob, caller.tenant)
+    return completed(options, None if row is None else Characteristics.model_validate(row.document))
+
+
+def identity_of(reference: Reference | None) -> dict[str, str | None]:
     """The columns that jobs are found by."""
-    reference = options.reference
     names = ("serial", "batch", "part_number")
     return {name: None if reference is None else getattr(reference, name) for name in names}
 
@@ -268,26 +301,27 @@ def _text(form: FormData, name: str, default: str) -> str:
         raise wrong_part(name, "must be UTF-8 text") from error
 
 
-def _check_room(api: Api, caller: Caller, key: str | None, size: int = 0) -> None:
+def check_room(api: Api, caller: Caller, key: str | None, size: int = 0, count: int = 1) -> None:
     """Refuse a job beyond the queue limits or the quota. A repeated request starts none and is answered."""
     if key is not None and api.jobs.knows_key(caller.tenant, key):
         return
     check_quota(api, caller, size)
-    if api.jobs.count(Status.ACCEPTED, caller.tenant) >= api.settings.tenant_queue_limit:
+    if api.jobs.count(Status.ACCEPTED, caller.tenant) + count > api.settings.tenant_queue_limit:
         raise TenantQueueFull(
             f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting; "
             "send it again when some are finished"
         )
-    if api.jobs.count(Status.ACCEPTED) >= api.settings.queue_limit:
+    if api.jobs.count(Status.ACCEPTED) + count > api.settings.queue_limit:
         raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send it again later")
 
 
-async def _body(request: Request) -> bytes:
+async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
+    """The body. Raises PayloadTooLarge."""
     body = b""
     async for chunk in request.stream():
         body += chunk
-        if len(body) > MAX_TEXT_BYTES:
+        if len(body) > max_bytes:
             raise PayloadTooLarge(
-                f"the limit of a JSON body is {MAX_TEXT_BYTES} bytes; send meshes by PUT /v1/blobs"
+                f"the limit of a JSON body is {max_bytes} bytes; send meshes by PUT /v1/blobs"
             )
     return body

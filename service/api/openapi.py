@@ -7,11 +7,12 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from pipeline import Characteristics
 from service.api.examples import examples
 from service.api.problems import MEDIA_TYPE as PROBLEM_TYPE
 from service.api.problems import problems
 from service.api.request_bodies import EXTRA_SCHEMAS
-from service.contract.schemas import Problem
+from service.contract.schemas import BatchRequest, Problem
 
 DESCRIPTION = """Registers the scan of a 3D-printed part to its design, without manually picked points.
 
@@ -42,7 +43,7 @@ def describe(app: FastAPI) -> None:
 def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(title=app.title, version=app.version, description=DESCRIPTION, routes=app.routes)
     schemas = document["components"]["schemas"]
-    for model in (*EXTRA_SCHEMAS, Problem):
+    for model in (*EXTRA_SCHEMAS, BatchRequest, Characteristics, Problem):
         own = model.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas |= own.pop("$defs", {})
         schemas[model.__name__] = own

@@ -54,6 +54,15 @@ Acceptance = Annotated[
         exists=True, dir_okay=False, help="JSON with what the part must satisfy: options.acceptance"
     ),
 ]
+AlignmentFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--alignment",
+        exists=True,
+        dir_okay=False,
+        help="JSON with the alignment that deviations are measured under: options.alignment",
+    ),
+]
 ReferencePairs = Annotated[
     list[str] | None,
     typer.Option("--reference", help="KEY=VALUE, repeated: serial, batch, part_number, ... of the part"),
@@ -72,6 +81,7 @@ def register(
     scan_accuracy_mm: ScanAccuracy = None,
     acceptance: Acceptance = None,
     reference: ReferencePairs = None,
+    alignment: AlignmentFile = None,
     design_part: DesignPart = None,
     columns: Columns = None,
     unit_design: UnitOption = "auto",
@@ -99,6 +109,7 @@ def register(
         scan_accuracy_mm=scan_accuracy_mm,
         acceptance=acceptance,
         reference=reference,
+        alignment=alignment,
         design_part=design_part,
         columns=columns,
     )
@@ -114,6 +125,7 @@ def register(
                 scan_accuracy_mm=options.scan_accuracy_mm,
                 acceptance=options.acceptance,
                 reference=options.reference,
+                alignment=options.alignment,
                 seed=options.seed,
                 out=out,
                 on_progress=lambda step: bar.update(task, completed=step.percent, description=step.message),
@@ -145,6 +157,7 @@ def submit(
     scan_accuracy_mm: ScanAccuracy = None,
     acceptance: Acceptance = None,
     reference: ReferencePairs = None,
+    alignment: AlignmentFile = None,
     design_part: DesignPart = None,
     columns: Columns = None,
     unit_design: UnitOption = "auto",
@@ -175,6 +188,7 @@ def submit(
         scan_accuracy_mm=scan_accuracy_mm,
         acceptance=acceptance,
         reference=reference,
+        alignment=alignment,
         design_part=design_part,
         columns=columns,
     )

@@ -8,6 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
+from service.cli import batches as cli_batches
 from service.cli import config as cli_config
 from service.cli import jobs as cli_jobs
 from service.cli import keys as cli_keys
@@ -28,6 +29,7 @@ app.command("landmarks")(cli_meshes.landmarks)
 app.command("study")(cli_meshes.study)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
+app.add_typer(cli_batches.app, name="batch")
 app.add_typer(cli_keys.app, name="keys")
 app.add_typer(cli_config.app, name="config")
 app.add_typer(cli_webhooks.app, name="webhooks")

@@ -35,6 +35,7 @@ def options_of(
     settings: Path | None,
     tolerance_mm: float | None = None,
     acceptance: Path | None = None,
+    alignment: Path | None = None,
     reference: list[str] | None = None,
     **others: float | str | None,
 ) -> dict[str, Any]:
@@ -46,6 +47,8 @@ def options_of(
         options["settings"] = _json(settings)
     if acceptance is not None:
         options["acceptance"] = _json(acceptance)
+    if alignment is not None:
+        options["alignment"] = _json(alignment)
     if reference:
         options["reference"] = _reference(reference)
     return options

@@ -7,7 +7,7 @@ async with AsyncClient("http://127.0.0.1:8000") as cusp:
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +20,8 @@ from tenacity import AsyncRetrying
 from pipeline import LandmarksResult, RegistrationResult, StudyResult
 from service.client import requests as calls
 from service.client.requests import DEFAULT_SERVER, PATIENCE_S, Call, JobOptions
-from service.client.sync import Mesh, R, Result, wait_for
-from service.contract.schemas import Blob, FileEntry, Job, JobType
+from service.client.sync import Mesh, R, Result, _id_of, wait_for
+from service.contract.schemas import Batch, Blob, FileEntry, Job, JobType
 
 CHUNK = 1 << 20
 
@@ -67,6 +67,72 @@ class AsyncClient:
     async def put_blob(self, mesh: Path | str) -> Blob:
         """Upload one mesh for later jobs."""
         return await self._do(calls.put_blob(Path(mesh)))
+
+    async def submit_batch(
+        self,
+        design: Mesh | Mapping[str, Any],
+        scans: Sequence[Mesh | Mapping[str, Any]],
+        *,
+        batch_label: str | None = None,
+        batch_webhook: Mapping[str, str] | None = None,
+        **options: Unpack[JobOptions],
+    ) -> Batch:
+        """Start a job for each of up to 1,000 scans of one design. Files are sent as blobs first.
+
+        scans : each a file, a blob, `{"url": ...}`, or `{"scan": one of these, "reference": {...}, "label":
+        ...}`; options : of every job
+        """
+        sent = []
+        for each in scans:
+            of_scan = each if isinstance(each, Mapping) and "scan" in each else {"scan": each}
+            sent.append({**of_scan, "scan": await self._ref(of_scan["scan"])})
+        ref = await self._ref(design)
+        return await self._do(calls.submit_batch(ref, sent, options, batch_label, batch_webhook))
+
+    async def _ref(self, mesh: Mesh | Mapping[str, Any]) -> Mapping[str, Any]:
+        """As requests name it; a file is sent as a blob."""
+        if isinstance(mesh, Mapping):
+            return mesh
+        if isinstance(mesh, Blob):
+            return {"blob": mesh.id}
+        blob = await self.put_blob(mesh)
+        return {"blob": blob.id, "filename": Path(mesh).name}
+
+    async def batch(self, batch_id: str) -> Batch:
+        """The present state of a batch."""
+        return await self._do(calls.batch(batch_id))
+
+    async def batches(self, label: str | None = None, limit: int = 20) -> list[Batch]:
+        """The newest batches."""
+        return await self._do(calls.batches(label, limit))
+
+    async def batch_table(self, batch_id: str) -> str:
+        """CSV with a row for each scan."""
+        return await self._do(calls.batch_table(batch_id))
+
+    async def cancel_batch(self, batch_id: str) -> Batch:
+        """Cancel every job of a batch that has not ended; results are kept."""
+        return await self._do(calls.cancel_batch(batch_id))
+
+    async def retry_batch(self, batch_id: str) -> Batch:
+        """Start a new job for each scan whose job failed."""
+        return await self._do(calls.retry_batch(batch_id))
+
+    async def put_characteristics(
+        self, design: Blob | str, document: Mapping[str, Any], *, if_match: str | None = None
+    ) -> None:
+        """Keep named regions, limits and an alignment with a design, for all later jobs on it. if_match : the
+        ETag that they must still have
+        """
+        await self._do(calls.put_characteristics(_id_of(design), document, if_match))
+
+    async def characteristics(self, design: Blob | str) -> dict[str, Any]:
+        """What is kept with a design. Raises ServiceProblem `no_characteristics`."""
+        return await self._do(calls.characteristics(_id_of(design)))
+
+    async def delete_characteristics(self, design: Blob | str) -> None:
+        """Forget what is kept with a design."""
+        await self._do(calls.delete_characteristics(_id_of(design)))
 
     async def job(self, job_id: str) -> Job:
         """The present status of a job."""

@@ -6,7 +6,7 @@ safe: the id of a blob is the hash of its content, and each new job has an `Idem
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from io import BufferedReader
@@ -20,7 +20,7 @@ from tenacity import RetryCallState, retry_if_exception, stop_after_delay, wait_
 
 from pipeline import Unit
 from service.contract.job_types import MESHES
-from service.contract.schemas import Blob, FileEntry, FileList, Job, JobType, Problem
+from service.contract.schemas import Batch, BatchPage, Blob, FileEntry, FileList, Job, JobType, Problem
 
 DEFAULT_SERVER = "http://127.0.0.1:8000"
 CONNECT_TIMEOUT_S = 5.0
@@ -43,6 +43,7 @@ class JobOptions(TypedDict, total=False):
     scan_accuracy_mm: float | None
     acceptance: Mapping[str, Any]
     reference: Mapping[str, Any]
+    alignment: Mapping[str, Any]
     design_part: str | None
     columns: str | None
     study: Mapping[str, Any]
@@ -152,6 +153,73 @@ def put_blob(mesh: Path, on_sent: OnSent | None = None) -> Call[Blob]:
 def job(job_id: str, wait_s: int = 0) -> Call[Job]:
     """wait_s : the service answers when the job is final, or after this time"""
     return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
+
+
+def put_characteristics(design: str, document: Mapping[str, Any], if_match: str | None) -> Call[None]:
+    headers = {} if if_match is None else {"If-Match": if_match}
+    return Call("PUT", _kept(design), lambda _: None, headers=headers, document=dict(document))
+
+
+def characteristics(design: str) -> Call[dict[str, Any]]:
+    return Call("GET", _kept(design), _document)
+
+
+def delete_characteristics(design: str) -> Call[None]:
+    return Call("DELETE", _kept(design), lambda _: None)
+
+
+def _kept(design: str) -> str:
+    return f"/v1/designs/{design}/characteristics"
+
+
+def submit_batch(
+    design: Mapping[str, Any],
+    scans: Sequence[Mapping[str, Any]],
+    options: Mapping[str, Any],
+    label: str | None = None,
+    webhook: Mapping[str, str] | None = None,
+) -> Call[Batch]:
+    """Start a job for each scan. design : as in the API, `{"blob": ...}`; scans : each `{"scan": {"blob":
+    ...}, "reference": ..., "label": ...}`
+    """
+    document = {
+        "design": dict(design),
+        "scans": [dict(each) for each in scans],
+        "options": dict(options),
+        "label": label,
+        "webhook": webhook and dict(webhook),
+    }
+    return Call("POST", "/v1/batches", _batch, headers={"Idempotency-Key": uuid4().hex}, document=document)
+
+
+def batch(batch_id: str) -> Call[Batch]:
+    return Call("GET", f"/v1/batches/{batch_id}", _batch)
+
+
+def batches(label: str | None, limit: int) -> Call[list[Batch]]:
+    params = {"limit": str(limit)} | ({} if label is None else {"label": label})
+    return Call(
+        "GET",
+        "/v1/batches",
+        lambda answer: BatchPage.model_validate_json(answer.content).batches,
+        params=params,
+    )
+
+
+def batch_table(batch_id: str) -> Call[str]:
+    return Call("GET", f"/v1/batches/{batch_id}/table.csv", lambda answer: answer.text)
+
+
+def cancel_batch(batch_id: str) -> Call[Batch]:
+    return Call("POST", f"/v1/batches/{batch_id}/cancel", _batch)
+
+
+def retry_batch(batch_id: str) -> Call[Batch]:
+    return Call("POST", f"/v1/batches/{batch_id}/retry", _batch)
+
+
+def _batch(answer: httpx.Response) -> Batch:
+    return Batch.model_validate_json(answer.content)
 
 
 def results(job_id: str) -> Call[dict[str, Any]]:

@@ -15,7 +15,7 @@
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +36,7 @@ from service.client.requests import (
     ServiceProblem,
     ServiceUnreachable,
 )
-from service.contract.schemas import Blob, FileEntry, Job, JobType
+from service.contract.schemas import Batch, Blob, FileEntry, Job, JobType
 
 __all__ = ["Client", "Running", "ServiceProblem", "ServiceUnreachable", "register"]
 
@@ -46,7 +46,7 @@ Mesh = Path | str | Blob
 WAIT_S = 20  # that one request may stay open
 
 
-def _ignore(_: Job) -> None:
+def _ignore(_: object) -> None:
     """The default listener."""
 
 
@@ -128,9 +128,100 @@ class Client:
         """Upload one mesh for later jobs."""
         return self._do(calls.put_blob(Path(mesh)))
 
+    def submit_batch(
+        self,
+        design: Mesh | Mapping[str, Any],
+        scans: Sequence[Mesh | Mapping[str, Any]],
+        *,
+        batch_label: str | None = None,
+        batch_webhook: Mapping[str, str] | None = None,
+        **options: Unpack[JobOptions],
+    ) -> Batch:
+        """Start a job for each of up to 1,000 scans of one design. Files are sent as blobs first.
+
+        scans : each a file, a blob, `{"url": ...}`, or `{"scan": one of these, "reference": {...}, "label":
+        ...}`; options : of every job
+        """
+        sent = []
+        for each in scans:
+            of_scan = each if isinstance(each, Mapping) and "scan" in each else {"scan": each}
+            sent.append({**of_scan, "scan": self._ref(of_scan["scan"])})
+        ref = self._ref(design)
+        return self._do(calls.submit_batch(ref, sent, options, batch_label, batch_webhook))
+
+    def _ref(self, mesh: Mesh | Mapping[str, Any]) -> Mapping[str, Any]:
+        """As requests name it; a file is sent as a blob."""
+        if isinstance(mesh, Mapping):
+            return mesh
+        if isinstance(mesh, Blob):
+            return {"blob": mesh.id}
+        blob = self.put_blob(mesh)
+        return {"blob": blob.id, "filename": Path(mesh).name}
+
+    def batch(self, batch_id: str) -> Batch:
+        """The present state of a batch."""
+        return self._do(calls.batch(batch_id))
+
+    def batches(self, label: str | None = None, limit: int = 20) -> list[Batch]:
+        """The newest batches."""
+        return self._do(calls.batches(label, limit))
+
+    def batch_table(self, batch_id: str) -> str:
+        """CSV with a row for each scan."""
+        return self._do(calls.batch_table(batch_id))
+
+    def cancel_batch(self, batch_id: str) -> Batch:
+        """Cancel every job of a batch that has not ended; results are kept."""
+        return self._do(calls.cancel_batch(batch_id))
+
+    def retry_batch(self, batch_id: str) -> Batch:
+        """Start a new job for each scan whose job failed."""
+        return self._do(calls.retry_batch(batch_id))
+
+    def put_characteristics(
+        self, design: Blob | str, document: Mapping[str, Any], *, if_match: str | None = None
+    ) -> None:
+        """Keep named regions, limits and an alignment with a design, for all later jobs on it. if_match : the
+        ETag that they must still have
+        """
+        self._do(calls.put_characteristics(_id_of(design), document, if_match))
+
+    def characteristics(self, design: Blob | str) -> dict[str, Any]:
+        """What is kept with a design. Raises ServiceProblem `no_characteristics`."""
+        return self._do(calls.characteristics(_id_of(design)))
+
+    def delete_characteristics(self, design: Blob | str) -> None:
+        """Forget what is kept with a design."""
+        self._do(calls.delete_characteristics(_id_of(design)))
+
     def job(self, job_id: str) -> Job:
         """The present status of a job."""
         return self._do(calls.job(job_id))
+
+    def wait_batch(
+        self,
+        batch_id: str,
+        on_update: Callable[[Batch], None] = _ignore,
+        *,
+        interval_s: float = 1.0,
+        timeout_s: float | None = None,
+    ) -> Batch:
+        """Poll until every job of a batch is final; `on_update` is called with every state.
+
+        Raises
+        ------
+        TimeoutError
+            If it is not finished after `timeout_s`; it continues to run.
+        """
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            batch = self.batch(batch_id)
+            on_update(batch)
+            if batch.status == "finished":
+                return batch
+            if deadline is not None and time.monotonic() > deadline:
+                raise TimeoutError(f"batch {batch_id} is {batch.status} after {timeout_s} s")
+            time.sleep(interval_s)
 
     def wait(
         self,
@@ -255,6 +346,10 @@ class Running(Generic[Result]):
     def dismiss(self) -> None:
         """Dismiss or remove the job."""
         self.client.dismiss(self.id)
+
+
+def _id_of(design: Blob | str) -> str:
+    return design.id if isinstance(design, Blob) else design
 
 
 def wait_for(deadline: float) -> int:

@@ -46,6 +46,10 @@ class UnknownBlob(ServiceError):
     code = "unknown_blob"
 
 
+class MeshNotFetched(ServiceError):
+    code = "mesh_not_fetched"
+
+
 class Unauthorized(ServiceError):
     code = "unauthorized"
 
@@ -80,6 +84,18 @@ class DeliveryNotFound(ServiceError):
 
 class FileNotInJob(ServiceError):
     code = "file_not_found"
+
+
+class BatchNotFound(ServiceError):
+    code = "batch_not_found"
+
+
+class NoCharacteristics(ServiceError):
+    code = "no_characteristics"
+
+
+class PreconditionFailed(ServiceError):
+    code = "precondition_failed"
 
 
 class JobNotFinal(ServiceError):
@@ -173,6 +189,7 @@ TABLE: dict[type[Exception], Row] = {
     InvalidOptions: Row(422, "An option is invalid"),
     UnsupportedType: Row(422, "The job type is not supported"),
     UnknownBlob: Row(422, "The blob does not exist"),
+    MeshNotFetched: Row(422, "The mesh cannot be fetched from its address"),
     IdempotencyMismatch: Row(422, "The idempotency key belongs to another request"),
     DigestMismatch: Row(422, "The content does not match its digest"),
     PayloadTooLarge: Row(413, "The request is too large"),
@@ -189,6 +206,9 @@ TABLE: dict[type[Exception], Row] = {
     JobNotFound: Row(404, "The job does not exist"),
     DeliveryNotFound: Row(404, "The message does not exist"),
     FileNotInJob: Row(404, "The file does not exist"),
+    BatchNotFound: Row(404, "The batch does not exist"),
+    NoCharacteristics: Row(404, "The design has no characteristics"),
+    PreconditionFailed: Row(412, "The document has changed"),
     JobNotFinal: Row(409, "The job has no results yet"),
     JobFinal: Row(409, "The job has ended and cannot be cancelled"),
     JobDismissed: Row(409, "The job was dismissed and has no results"),

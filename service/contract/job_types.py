@@ -22,6 +22,7 @@ OPTIONS_OF_ONE_TYPE: dict[str, JobType] = {
     "scan_accuracy_mm": "registration",
     "acceptance": "registration",
     "reference": "registration",
+    "alignment": "registration",
     "design_part": "registration",
     "columns": "registration",
     "study": "study",

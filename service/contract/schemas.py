@@ -9,6 +9,8 @@ from pydantic import (
     ConfigDict,
     Field,
     JsonValue,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     field_serializer,
     field_validator,
     model_validator,
@@ -16,6 +18,7 @@ from pydantic import (
 
 from pipeline import (
     Acceptance,
+    Alignment,
     Decision,
     LandmarksResult,
     PointColumns,
@@ -26,9 +29,11 @@ from pipeline import (
     StudySettings,
     Unit,
     VerdictStatus,
+    limits_are_given,
 )
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
+MAX_BATCH = 1000  # scans of one batch
 NO_NUL = r"^[^\x00]*$"  # PostgreSQL has no text with it
 JobType = Literal["registration", "landmarks", "study"]
 
@@ -136,6 +141,11 @@ class Options(Request):
         description="`registration` only: identity of the part; carried through, and searched by "
         "(`GET /v1/jobs?serial=`)",
     )
+    alignment: Alignment | None = Field(
+        None,
+        description="`registration` only: how the scan lies on the design for deviation, inspection and "
+        "files; null: as it fits best. The verdict is always about the best fit",
+    )
     design_part: str | None = Field(
         None,
         min_length=1,
@@ -172,12 +182,14 @@ class Options(Request):
         return columns
 
     @model_validator(mode="after")
-    def _acceptance_has_limits(self) -> Self:
+    def _limits_are_there(self) -> Self:
         if self.acceptance is not None:
             try:
                 self.acceptance.with_tolerance(self.tolerance_mm)
             except ValueError as error:
                 raise ValueError(f"acceptance: {error}") from error
+        if not limits_are_given(self.alignment, self.acceptance, self.tolerance_mm):
+            raise ValueError("alignment: a tolerance_fit needs limits: its own, acceptance or tolerance_mm")
         return self
 
     @field_serializer("study")
@@ -193,12 +205,37 @@ class BlobRef(Request):
     filename: str | None = Field(None, max_length=255, description="used to detect the format only")
 
 
+class UrlRef(Request):
+    """A mesh at a web address, which the service fetches when the job starts; presigned addresses too."""
+
+    url: str = Field(
+        max_length=4000,
+        description="http(s) address; a private one only if the operator allows its network",
+    )
+    sha256: str | None = Field(
+        None, pattern=r"^[0-9a-f]{64}$", description="hex digest that the content must have"
+    )
+    filename: str | None = Field(
+        None, max_length=255, description="used to detect the format only; null: the end of the address"
+    )
+
+
+def _by_its_keys(value: Any, either: ValidatorFunctionWrapHandler) -> Any:
+    """As one of the two, so that an error is about the one that is meant."""
+    if not isinstance(value, dict):
+        return either(value)
+    return (UrlRef if "url" in value and "blob" not in value else BlobRef).model_validate(value)
+
+
+MeshRef = Annotated[BlobRef | UrlRef, WrapValidator(_by_its_keys)]
+
+
 class RegistrationRequest(Request):
     """Register a scan to its design and measure the deviation."""
 
     type: Literal["registration"] = Field("registration", description="what to do")
-    design: BlobRef = Field(description="the design mesh")
-    scan: BlobRef = Field(description="the scan mesh, or points")
+    design: MeshRef = Field(description="the design mesh")
+    scan: MeshRef = Field(description="the scan mesh, or points")
     options: Options = Field(Options(), description="how to run the job")
 
 
@@ -206,7 +243,7 @@ class LandmarksRequest(Request):
     """Segments and landmarks of one mesh."""
 
     type: Literal["landmarks"] = Field(description="what to do")
-    mesh: BlobRef = Field(description="the mesh")
+    mesh: MeshRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job")
 
 
@@ -214,12 +251,42 @@ class StudyRequest(Request):
     """How informative the landmarks of one mesh are, or how repeatable on another mesh of its shape."""
 
     type: Literal["study"] = Field(description="what to do")
-    mesh: BlobRef = Field(description="the mesh")
+    mesh: MeshRef = Field(description="the mesh")
     options: Options = Field(Options(), description="how to run the job; `study` says what to do")
 
 
 #: A job on blobs; a multipart request carries the same as its parts.
 JobRequest = RegistrationRequest | LandmarksRequest | StudyRequest
+
+
+class BatchScan(Request):
+    """One scan of a batch."""
+
+    scan: MeshRef = Field(description="the scan mesh, or points")
+    reference: Reference | None = Field(
+        None, description="identity of this part; over `options.reference` of the batch, key by key"
+    )
+    label: str | None = Field(
+        None, max_length=200, pattern=NO_NUL, description="of this job; null: that of `options`"
+    )
+
+
+class BatchRequest(Request):
+    """Register many scans to one design."""
+
+    design: MeshRef = Field(description="the design mesh")
+    scans: list[BatchScan] = Field(min_length=1, max_length=MAX_BATCH, description="a job for each")
+    options: Options = Field(Options(), description="of every job; without a webhook")
+    label: str | None = Field(
+        None, max_length=200, pattern=NO_NUL, description="free text, to find the batch again"
+    )
+    webhook: Webhook | None = Field(None, description="receiver of one message, when every job is final")
+
+    @model_validator(mode="after")
+    def _one_message(self) -> Self:
+        if self.options.webhook is not None:
+            raise ValueError("options.webhook: a batch sends one message; give `webhook` beside `options`")
+        return self
 
 
 class Blob(Response):
@@ -235,8 +302,11 @@ class Blob(Response):
 class JobInput(Response):
     """A mesh of a job. Other jobs may name it: a design is sent once for many scans."""
 
-    blob: BlobId
+    blob: BlobId | None = Field(description="its id; null for a `url` that is not fetched yet")
     filename: str | None = Field(description="as sent; null if none was sent")
+    url: str | None = Field(
+        None, description="where it was fetched from, without query (it may hold a signature); null otherwise"
+    )
 
 
 class JobInputs(Response):
@@ -274,6 +344,7 @@ class Job(Response):
         description="is the part accepted, as in the results; null until `successful`, and for other types"
     )
     reference: Reference | None = Field(description="identity of the part, as sent in `options`")
+    batch_id: str | None = Field(None, description="of the batch that it belongs to; null: none")
     inputs: JobInputs = Field(description="the meshes of the job")
     created: datetime = Field(description="when it was accepted")
     started: datetime | None = Field(description="when the latest attempt started")
@@ -286,6 +357,39 @@ class Job(Response):
     def is_final(self) -> bool:
         """True when polling can stop."""
         return self.status.is_final
+
+
+class BatchLinks(Response):
+    """Addresses that belong to a batch."""
+
+    self: str = Field(description="status")
+    jobs: str = Field(description="its jobs")
+    table: str = Field(description="a CSV row for each scan")
+    deliveries: str = Field(description="the message to its webhook")
+
+
+class Batch(Response):
+    """The state of a batch."""
+
+    id: str = Field(description="UUIDv7; sorts by time of creation")
+    label: str | None = Field(description="as sent")
+    status: Literal["accepted", "running", "finished"] = Field(
+        description="`finished`: every job is final, whatever became of it"
+    )
+    total: int = Field(description="number of scans")
+    by_status: dict[Status, int] = Field(description="number of jobs by status")
+    by_verdict: dict[str, int] = Field(description="number of successful jobs by verdict on the alignment")
+    by_decision: dict[Decision, int] = Field(description="number of successful jobs by decision on the part")
+    created: datetime = Field(description="when it was accepted")
+    finished: datetime | None = Field(description="when its last job became final")
+    links: BatchLinks = Field(description="addresses of the batch")
+
+
+class BatchPage(Response):
+    """Batches, newest first."""
+
+    batches: list[Batch] = Field(description="the batches of this page")
+    next: str | None = Field(description="`cursor` of the next page; null on the last")
 
 
 class JobPage(Response):
@@ -316,8 +420,10 @@ class Delivery(Response):
     """A message to a job's webhook."""
 
     id: str = Field(description="`webhook-id` of the message; the same in every attempt")
-    job: str = Field(description="`id` of the job")
-    event: str = Field(description="`job.successful`, `job.failed` or `job.dismissed`")
+    job: str = Field(description="`id` of the job, or of the batch")
+    event: str = Field(
+        description="`job.successful`, `job.failed` or `job.dismissed`; of a batch `batch.finished`"
+    )
     url: str = Field(description="address of the receiver")
     state: DeliveryState = Field(description="state of the message")
     next: datetime | None = Field(description="when the next attempt is due; null if there is none")

@@ -48,10 +48,13 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
             own: dict[str, Any] = {
                 name: task[name] for name in ("tolerance_mm", "scan_accuracy_mm", "design_cache")
             }
-            acceptance, reference = task["acceptance"], task["reference"]
+            acceptance, reference, alignment = (
+                task[name] for name in ("acceptance", "reference", "alignment")
+            )
             own |= {
                 "acceptance": acceptance and pipeline.Acceptance.model_validate(acceptance),
                 "reference": reference and pipeline.Reference.model_validate(reference),
+                "alignment": alignment and pipeline.parse_alignment(alignment),
             }
             pipeline.register(design, scan, **own, **common)
         case "landmarks":

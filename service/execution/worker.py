@@ -11,7 +11,16 @@ from typing import Any, TypeVar
 
 import structlog
 
-from service.contract.errors import InternalError, JobCrashed, UnknownBlob, problem_of
+from pipeline import Characteristics, PipelineError, detect_format
+from service.contract.design_options import completed, known_blob
+from service.contract.errors import (
+    DigestMismatch,
+    InternalError,
+    JobCrashed,
+    ServiceError,
+    UnknownBlob,
+    problem_of,
+)
 from service.contract.job_types import ALL_MESHES
 from service.contract.options import resolve_settings
 from service.contract.schemas import Options, Problem
@@ -22,9 +31,10 @@ from service.jobs.metrics import Metrics
 from service.jobs.models import JobRow
 from service.jobs.store import JobStore
 from service.storage import design_cache
-from service.storage.blobs import BlobStore
+from service.storage.blobs import BlobStore, Upload
 from service.storage.design_cache import DesignCache
 from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
+from service.webhooks.mesh_fetch import MeshFetcher, without_query
 
 Returned = TypeVar("Returned")
 log = structlog.get_logger()
@@ -69,9 +79,11 @@ class Worker:
         sandbox: Sandbox,
         scratch: Path,
         metrics: Metrics,
+        fetcher: MeshFetcher,
     ) -> None:
         self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
         self._sandbox, self._scratch, self._metrics = sandbox, scratch, metrics
+        self._fetcher = fetcher
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -153,7 +165,9 @@ class Worker:
         folder.mkdir(parents=True, exist_ok=True)
         try:
             task = self._task(row, folder, heart)
-        except UnknownBlob as error:
+        except (ServiceError, PipelineError) as error:
+            if self._stopping.is_set():  # a mesh may have been left half fetched
+                return Outcome("unwanted", None, 0.0, None)
             return Outcome("failed", problem_of(error), 0.0, None)
         clock = StageClock()
 
@@ -173,6 +187,8 @@ class Worker:
 
     def _task(self, row: JobRow, folder: Path, heart: Heartbeat) -> dict[str, Any]:
         """The task for `child.run`; the meshes are copied into the folder of the job."""
+        if any("url" in source and not source.get("blob") for source in row.inputs.values()):
+            row = self._fetch_meshes(row, heart)
         options = Options.model_validate(row.options)
         task: dict[str, Any] = {
             "folder": str(folder),
@@ -183,6 +199,7 @@ class Worker:
             "scan_accuracy_mm": options.scan_accuracy_mm,
             "acceptance": options.acceptance and options.acceptance.model_dump(mode="json"),
             "reference": options.reference and options.reference.model_dump(mode="json"),
+            "alignment": options.alignment and options.alignment.model_dump(mode="json"),
             "seed": options.seed,
         }
         for mesh, source in row.inputs.items():
@@ -204,6 +221,68 @@ class Worker:
             )
             task["design_known"] = known
         return task
+
+    def _fetch_meshes(self, row: JobRow, heart: Heartbeat) -> JobRow:
+        """The row with a blob for each mesh that was given by its address.
+
+        Raises
+        ------
+        MeshNotFetched, PayloadTooLarge, DigestMismatch, InvalidOptions, PipelineError
+        """
+        inputs, options = dict(row.inputs), row.options
+        for mesh, source in row.inputs.items():
+            if "url" not in source or source.get("blob"):
+                continue
+            if mesh == "design" and row.batch_id is not None:
+                known = self._jobs.fetched_design(row.batch_id, without_query(source["url"]))
+                if known is not None and source.get("sha256") is None:
+                    inputs[mesh] = known
+                    options = self._with_design(row, options, known["blob"])
+                    continue
+            heart.note("load", 0.0, f"load: fetching {mesh}")
+            upload = self._fetch_url(mesh, source, heart)
+            filename = source.get("filename") or without_query(source["url"]).rpartition("/")[2][-255:]
+            try:
+                kind = detect_format(upload.head, upload.size, filename, mesh=mesh)
+                self._blobs.keep(upload)
+            except BaseException:
+                self._blobs.discard(upload)
+                raise
+            self._jobs.add_blob(upload.blob_id, upload.size, kind.value, row.tenant)
+            # The query is dropped: it may hold a signature
+            url = without_query(source["url"])
+            inputs[mesh] = {"blob": upload.blob_id, "filename": filename, "url": url}
+            if mesh == "design" and known_blob(source) is None:
+                options = self._with_design(row, options, upload.blob_id)
+        self._retry(lambda: self._jobs.note_inputs(row.id, row.attempt, inputs, options), heart)
+        row.inputs, row.options = inputs, options
+        return row
+
+    def _with_design(self, row: JobRow, options: dict[str, Any], design: str) -> dict[str, Any]:
+        """The options completed by what is kept with the design."""
+        kept = self._jobs.characteristics(design, row.tenant)
+        document = None if kept is None else Characteristics.model_validate(kept.document)
+        return completed(Options.model_validate(options), document).model_dump(mode="json")
+
+    def _fetch_url(self, mesh: str, source: dict[str, Any], heart: Heartbeat) -> Upload:
+        writer = self._blobs.writer()
+        try:
+            self._fetcher.fetch(source["url"], writer, lambda: heart.is_ours and not self._stopping.is_set())
+            upload = writer.finish()
+        except ServiceError as error:
+            writer.abort()
+            error.detail = f"{mesh}: {error.detail}"
+            raise
+        except BaseException:
+            writer.abort()
+            raise
+        if source.get("sha256") not in (None, upload.sha256):
+            self._blobs.discard(upload)
+            raise DigestMismatch(
+                f"{mesh}: {without_query(source['url'])[:300]} has the digest {upload.sha256}, not "
+                f"{source['sha256']}"
+            )
+        return upload
 
     def _fetch(self, blob_id: str, path: Path, heart: Heartbeat, mesh: str) -> None:
         try:

@@ -22,12 +22,13 @@ from service.jobs.queue import DbosQueue, DbosRunner
 from service.jobs.reaper import Reaper
 from service.jobs.retention import Retention
 from service.jobs.store import JobStore
-from service.settings import ServiceSettings
+from service.settings import MIB, ServiceSettings
 from service.storage.blobs import BlobStore
 from service.storage.database import open_database
 from service.storage.design_cache import DesignCache
 from service.webhooks.address_guard import Guard
 from service.webhooks.http_client import Poster
+from service.webhooks.mesh_fetch import MeshFetcher
 from service.webhooks.outbox import Deliveries
 from service.webhooks.sender import Sender
 
@@ -63,7 +64,12 @@ def run_worker(settings: ServiceSettings) -> int:
     scratch.mkdir(mode=0o700, parents=True)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics)
+    fetcher = MeshFetcher(
+        Guard.of(settings.mesh_networks, "CUSP_MESH_NETWORKS"),
+        settings.max_upload_mib * MIB,
+        settings.mesh_fetch_time_limit_s,
+    )
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics, fetcher)
     queue = DbosQueue(settings.queue)
     reaper = Reaper(jobs, queue)
     reaper.at_start(settings.worker_id)

@@ -1,5 +1,6 @@
 """The rows of uploaded meshes; their bytes are in `service.storage.blobs`."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from sqlalchemy import func, select, update
@@ -7,6 +8,8 @@ from sqlalchemy.exc import IntegrityError
 
 from service.jobs.models import DEFAULT_TENANT, BlobRow, JobRow
 from service.jobs.table_access import TableAccess
+
+ID_BATCH = 500  # of one statement: databases limit its parameters
 
 
 class BlobRecords(TableAccess):
@@ -31,6 +34,22 @@ class BlobRecords(TableAccess):
         results = select(func.sum(JobRow.result_bytes)).where(JobRow.tenant == tenant)
         with self._session() as session:
             return int(session.scalar(meshes) or 0) + int(session.scalar(results) or 0)
+
+    def touch_blobs(self, blob_ids: Sequence[str], tenant: str) -> set[str]:
+        """`touch_blob` of many; returns those that the tenant has."""
+        found: set[str] = set()
+        with self._session.begin() as session:
+            for first in range(0, len(blob_ids), ID_BATCH):
+                some = blob_ids[first : first + ID_BATCH]
+                done = session.scalars(
+                    update(BlobRow)
+                    .where(BlobRow.tenant == tenant, BlobRow.id.in_(some))
+                    .values(created_ms=self._clock_ms())
+                    .returning(BlobRow.id),
+                    execution_options={"synchronize_session": False},
+                )
+                found |= set(done)
+        return found
 
     def touch_blob(self, blob_id: str, tenant: str) -> bool:
         """Restart the age of a blob that a new job names; False if the tenant has no such blob."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from sqlalchemy import Text, cast, delete, select
 
 from service.contract.schemas import Status
+from service.jobs.batches import BatchRow
 from service.jobs.deliveries import DeliveryRow
 from service.jobs.models import BlobRow, IdempotencyRow, JobRow
 from service.jobs.table_access import TableAccess
@@ -37,6 +38,17 @@ class ExpiryQueries(TableAccess):
             session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(removed)))
             session.execute(delete(DeliveryRow).where(DeliveryRow.job_id.in_(removed)))
             session.execute(delete(JobRow).where(JobRow.id.in_(removed), JobRow.removed_ms.is_not(None)))
+
+    def forget_batches(self, before_ms: int, limit: int) -> int:
+        """Delete batches that ended before `before_ms` and have no job any more; returns their number."""
+        of_batch = select(JobRow.id).where(JobRow.batch_id == BatchRow.id)
+        query = select(BatchRow.id).where(BatchRow.finished_ms < before_ms, ~of_batch.exists())
+        with self._session.begin() as session:
+            old = session.scalars(query.limit(limit)).all()
+            session.execute(delete(IdempotencyRow).where(IdempotencyRow.job_id.in_(old)))
+            session.execute(delete(DeliveryRow).where(DeliveryRow.job_id.in_(old)))
+            session.execute(delete(BatchRow).where(BatchRow.id.in_(old)))
+        return len(old)
 
     def known_jobs(self, job_ids: Sequence[str]) -> set[str]:
         """The ids that have a row, removed jobs included."""

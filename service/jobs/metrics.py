@@ -55,9 +55,9 @@ _RAISE = text(
 )
 
 
-def count(session: Session, name: str, label: str) -> None:
-    """Increment a counter in the transaction of the counted event, so that both are stored or none."""
-    session.execute(_ADD, {"name": name, "label": label[:64], "value": 1})
+def count(session: Session, name: str, label: str, amount: int = 1) -> None:
+    """Add to a counter in the transaction of the counted event, so that both are stored or none."""
+    session.execute(_ADD, {"name": name, "label": label[:64], "value": amount})
 
 
 class Metrics(Collector):

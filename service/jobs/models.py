@@ -60,6 +60,8 @@ class JobRow(Base):
         Index("jobs_by_serial", "tenant", "serial", "id"),
         Index("jobs_by_batch", "tenant", "batch", "id"),
         Index("jobs_by_part_number", "tenant", "part_number", "id"),
+        Index("jobs_by_outcome", "tenant", "verdict", "decision", "id"),
+        Index("jobs_by_batch_id", "batch_id", "batch_index"),
     )
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
@@ -87,6 +89,8 @@ class JobRow(Base):
     serial: Mapped[str | None] = mapped_column(String(100))  # these three: of options.reference
     batch: Mapped[str | None] = mapped_column(String(100))
     part_number: Mapped[str | None] = mapped_column(String(100))
+    batch_id: Mapped[str | None] = mapped_column(String(36))  # of a BatchRow
+    batch_index: Mapped[int | None]  # place of the scan in the batch
     files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt
     published_attempt: Mapped[int | None]
     result_bytes: Mapped[int] = mapped_column(BigInteger, default=0)  # of `files`

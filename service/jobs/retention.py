@@ -44,7 +44,7 @@ class Retention:
         """
         steps: list[Callable[[int], int]] = [self._uploads, self._orphaned_blobs]
         if self._age_ms:
-            steps += [self._finished, self._removed, self._meshes, self._analyses]
+            steps += [self._finished, self._removed, self._batches, self._meshes, self._analyses]
         deleted: dict[str, int] = {}
         for step in steps:
             name = step.__name__.removeprefix("_")
@@ -75,6 +75,9 @@ class Retention:
             self._blobs.remove_results(job_id)
         self._jobs.forget(ids)
         return len(ids)
+
+    def _batches(self, before_ms: int) -> int:
+        return self._jobs.forget_batches(before_ms, BATCH)
 
     def _meshes(self, before_ms: int) -> int:
         needed = self._jobs.blobs_of_unfinished()

@@ -7,7 +7,9 @@ from sqlalchemy import String, func, select, type_coerce
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from service.contract.schemas import JobType, Status
+from service.jobs.batches import BatchRecords
 from service.jobs.blob_records import BlobRecords
+from service.jobs.characteristics import CharacteristicsRecords
 from service.jobs.expiry import ExpiryQueries
 from service.jobs.models import DEFAULT_TENANT, IdempotencyRow, JobRow
 from service.jobs.queue_entries import QueueEntries, next_rank
@@ -18,7 +20,15 @@ ID_BATCH = 500  # of one query: databases limit its parameters
 log = structlog.get_logger()
 
 
-class JobStore(JobTransitions, QueueEntries, WorkerRegistry, BlobRecords, ExpiryQueries):
+class JobStore(
+    JobTransitions,
+    QueueEntries,
+    WorkerRegistry,
+    BlobRecords,
+    CharacteristicsRecords,
+    BatchRecords,
+    ExpiryQueries,
+):
     """All tables of jobs of one database. Safe to share between threads; rows are detached copies."""
 
     def add(self, row: JobRow) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import select, update
 
 from service.contract.schemas import Problem, Status
+from service.jobs.batches import jobs_ended
 from service.jobs.deliveries import announce
 from service.jobs.metrics import count
 from service.jobs.models import MAX_CRASHES, JobRow, check_move
@@ -72,6 +73,11 @@ class JobTransitions(TableAccess):
         """Write a heartbeat and the progress; False if the job does not belong to this attempt (any more)."""
         mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
         return self._update(job_id, *mine, heartbeat_ms=self._clock_ms(), **progress)
+
+    def note_inputs(self, job_id: str, attempt: int, inputs: dict[str, Any], options: dict[str, Any]) -> bool:
+        """Store what a running job was found to work on: the blobs of meshes that were fetched."""
+        mine = (JobRow.status == Status.RUNNING, JobRow.attempt == attempt)
+        return self._update(job_id, *mine, inputs=inputs, options=options)
 
     def succeed(
         self,
@@ -165,16 +171,21 @@ class JobTransitions(TableAccess):
     def _update(self, job_id: str, *expected: Any, counted_as: str | None = None, **values: Any) -> bool:
         with self._session.begin() as session:
             done = session.execute(
-                update(JobRow).where(JobRow.id == job_id, *expected).values(**values).returning(JobRow.id),
+                update(JobRow)
+                .where(JobRow.id == job_id, *expected)
+                .values(**values)
+                .returning(JobRow.id, JobRow.batch_id),
                 execution_options={"synchronize_session": False},
-            )
-            is_done = done.scalar_one_or_none() is not None
+            ).one_or_none()
+            is_done = done is not None
             if is_done and counted_as is not None:
                 count(session, "cusp_jobs_ended", counted_as)
             if is_done and values.get("decision") is not None:
                 count(session, "cusp_decisions", values["decision"])
             if is_done and "status" in values and values["status"].is_final:
                 announce(session, job_id, self._clock_ms())
+                if done is not None and done.batch_id is not None:
+                    jobs_ended(session, done.batch_id, self._clock_ms())
             return is_done
 
 

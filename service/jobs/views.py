@@ -1,6 +1,7 @@
 """From rows to what clients see."""
 
 from datetime import UTC, datetime
+from typing import Any
 
 from service.contract.schemas import FileEntry, FileList, Job, JobInputs, Links, Problem
 from service.jobs.models import JobRow
@@ -20,8 +21,9 @@ def job_of(row: JobRow) -> Job:
             "label": row.label,
             "verdict": row.verdict,
             "decision": row.decision,
+            "batch_id": row.batch_id,
             "reference": row.options.get("reference") if row.options else None,
-            "inputs": {name: row.inputs.get(name) for name in JobInputs.model_fields},
+            "inputs": {name: _input_of(row.inputs.get(name)) for name in JobInputs.model_fields},
             "created": time_of(row.created_ms),
             "started": time_of(row.started_ms),
             "finished": time_of(row.finished_ms),
@@ -30,6 +32,18 @@ def job_of(row: JobRow) -> Job:
             "links": Links(self=address, results=f"{address}/results", files=f"{address}/files"),
         }
     )
+
+
+def _input_of(source: dict[str, Any] | None) -> dict[str, Any] | None:
+    """The address without its query: it may hold a signature."""
+    if source is None:
+        return None
+    url = source.get("url")
+    return {
+        "blob": source.get("blob"),
+        "filename": source.get("filename"),
+        "url": url and url.partition("?")[0].partition("#")[0],
+    }
 
 
 def files_of(row: JobRow) -> FileList:

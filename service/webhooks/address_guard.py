@@ -1,4 +1,5 @@
-"""Addresses that webhooks may reach. Clients choose them, so internal services must be protected (SSRF).
+"""Addresses that webhooks and meshes by URL may reach. Clients choose them, so internal services must be
+protected (SSRF).
 
 `check_url` checks the URL that a client sends, `check` the IP address that `http_client` then connects to.
 """
@@ -19,14 +20,15 @@ class ForbiddenAddress(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """allowed : networks that webhooks may reach although they are not public"""
+    """allowed : networks that may be reached although they are not public; setting : names them"""
 
     allowed: tuple[Network, ...] = ()
+    setting: str = "CUSP_WEBHOOK_NETWORKS"
 
     @classmethod
-    def of(cls, networks: str) -> "Guard":
+    def of(cls, networks: str, setting: str = "CUSP_WEBHOOK_NETWORKS") -> "Guard":
         """`10.1.0.0/16, fd00::/8`. Raises ValueError."""
-        return cls(tuple(ip_network(word.strip()) for word in networks.split(",") if word.strip()))
+        return cls(tuple(ip_network(word.strip()) for word in networks.split(",") if word.strip()), setting)
 
     def check_url(self, url: str) -> None:
         """Check a URL without a name look-up. Raises ForbiddenAddress."""
@@ -56,7 +58,7 @@ class Guard:
             if not _is_public(each):
                 raise ForbiddenAddress(
                     f"{host} is not a public address ({each}); the operator can allow its network "
-                    "by CUSP_WEBHOOK_NETWORKS"
+                    f"by {self.setting}"
                 )
 
 

@@ -30,12 +30,13 @@ class Deadline:
     """The end of a request, also if the receiver still sends single bytes."""
 
     at: float  # of time.monotonic
+    total_s: float = TOTAL_S
 
     def remaining(self, at_most: float | None) -> float:
         """Remaining seconds. Raises httpcore.ReadTimeout if there are none."""
         seconds = self.at - time.monotonic()
         if seconds <= 0:
-            raise httpcore.ReadTimeout(f"no answer within {TOTAL_S:g} s")
+            raise httpcore.ReadTimeout(f"no answer within {self.total_s:g} s")
         return seconds if at_most is None else min(seconds, at_most)
 
 
@@ -75,8 +76,9 @@ class GuardedBackend(httpcore.NetworkBackend):
     Each connection is used once, so its deadline is that of the request.
     """
 
-    def __init__(self, guard: Guard) -> None:
-        self._guard = guard
+    def __init__(self, guard: Guard, total_s: float | None = None) -> None:
+        """total_s : of a whole request, None for `TOTAL_S`"""
+        self._guard, self._total_s = guard, total_s
         self._sockets = httpcore.SyncBackend()
 
     def connect_tcp(
@@ -88,7 +90,8 @@ class GuardedBackend(httpcore.NetworkBackend):
         socket_options: Iterable[httpcore.SOCKET_OPTION] | None = None,
     ) -> httpcore.NetworkStream:
         """Resolve the name, check every address, connect to the first that accepts."""
-        deadline = Deadline(time.monotonic() + TOTAL_S)
+        total_s = TOTAL_S if self._total_s is None else self._total_s
+        deadline = Deadline(time.monotonic() + total_s, total_s)
         try:
             resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError) as error:
@@ -111,15 +114,20 @@ class GuardedBackend(httpcore.NetworkBackend):
         self._sockets.sleep(seconds)
 
 
+def tls_context() -> ssl.SSLContext:
+    """The authorities of the system and SSL_CERT_FILE, and those of Mozilla."""
+    context = ssl.create_default_context()
+    context.load_verify_locations(certifi.where())
+    return context
+
+
 class Poster:
     """Safe to share between threads. Ignores proxies of the environment: they would resolve names."""
 
     def __init__(self, guard: Guard) -> None:
-        context = ssl.create_default_context()  # the system's authorities, and SSL_CERT_FILE
-        context.load_verify_locations(certifi.where())
         self._guard = guard
         self._pool = httpcore.ConnectionPool(
-            ssl_context=context,
+            ssl_context=tls_context(),
             network_backend=GuardedBackend(guard),
             max_connections=32,
             max_keepalive_connections=0,

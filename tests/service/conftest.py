@@ -15,10 +15,12 @@ from service.api.app import create_app
 from service.execution.worker import Worker
 from service.jobs.metrics import Metrics
 from service.jobs.store import JobStore
-from service.settings import ServiceSettings
+from service.settings import MIB, ServiceSettings
 from service.storage.blobs import BlobStore
 from service.storage.database import migrate, open_database
 from service.storage.design_cache import DesignCache
+from service.webhooks.address_guard import Guard
+from service.webhooks.mesh_fetch import MeshFetcher
 from tests.support.service import NotingQueue, ScriptedSandbox, Service, http_client, serving
 from tests.support.storage import Postgres
 
@@ -85,7 +87,7 @@ def _empty_tables(database_url: str) -> None:
 
 @pytest.fixture
 def settings(storage: dict[str, Any]) -> ServiceSettings:
-    made = ServiceSettings(**storage, max_upload_mib=1, queue_limit=5)
+    made = ServiceSettings(**storage, max_upload_mib=1, queue_limit=5, mesh_networks="127.0.0.0/8")
     made.make_folders()
     return made
 
@@ -100,7 +102,8 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
         ScriptedSandbox(),
     )
     designs, metrics = DesignCache(blobs.store, settings.design_cache_mib), Metrics(engine, settings.data_dir)
-    worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
+    fetcher = MeshFetcher(Guard.of("127.0.0.0/8"), settings.max_upload_mib * MIB, 5.0)
+    worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics, fetcher)  # type: ignore[arg-type]
     with serving(create_app(settings)) as address, http_client(address) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()

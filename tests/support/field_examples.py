@@ -77,6 +77,61 @@ OTHERS: dict[str, list[Any]] = {
     "SegmentsRegion": [{"kind": "segments", "segments": [3, 4]}],
     "BrepFacesRegion": [{"kind": "brep_faces", "faces": [7, "bore"]}],
     "Centre": [{"brep_faces": [0, 4, 5]}],
+    "SegmentsAtRegion": [{"kind": "segments_at", "places_mm": [[5, 7, 0]], "radius_mm": 1.0}],
+    "BatchRequest": [
+        {
+            "design": {"blob": BLOB_ID},
+            "scans": [
+                {
+                    "scan": {"url": "https://files.example.com/A-17.ply"},
+                    "reference": {"serial": "A-17"},
+                    "label": "A-17.ply",
+                }
+            ],
+            "options": {"tolerance_mm": 0.2},
+            "label": "night shift",
+            "webhook": {"url": "https://mes.example.com/hooks/cusp"},
+        }
+    ],
+    "BatchScan": [{"label": "A-17.ply", "scan": {"url": "https://files.example.com/A-17.ply"}}],
+    "Batch": [
+        {
+            "id": JOB_ID,
+            "label": "night shift",
+            "status": "running",
+            "total": 300,
+            "by_status": {"accepted": 120, "running": 2, "successful": 177, "failed": 1},
+            "by_verdict": {"ok": 170, "uncertain": 7},
+            "by_decision": {"pass": 161, "fail": 9, "not_judged": 7},
+            "created": AT,
+            "finished": AT,
+            "links": {
+                "self": f"/v1/batches/{JOB_ID}",
+                "jobs": f"/v1/jobs?batch_id={JOB_ID}",
+                "table": f"/v1/batches/{JOB_ID}/table.csv",
+                "deliveries": f"/v1/batches/{JOB_ID}/deliveries",
+            },
+        }
+    ],
+    "BatchPage": [{"batches": [], "next": JOB_ID}],
+    "Job": [{"batch_id": JOB_ID}],
+    "UrlRef": [
+        {
+            "url": "https://files.example.com/scans/0042.ply?X-Amz-Signature=...",
+            "sha256": BLOB_ID.removeprefix("sha256:"),
+            "filename": "0042.ply",
+        }
+    ],
+    "JobInput": [{"url": "https://files.example.com/scans/0042.ply"}],
+    "NamedRegion": [{"kind": "named", "name": "seat"}],
+    "Characteristics": [
+        {
+            "regions": [{"name": "seat", "region": {"kind": "segments_at", "places_mm": [[5, 7, 0]]}}],
+            "tolerance_mm": 0.2,
+            "acceptance": {"tolerance_mm": 0.2},
+            "alignment": {"kind": "best_fit"},
+        }
+    ],
     "FacesRegion": [{"kind": "faces", "faces": [0, 1, 2, 3]}],
     "PointLimits": [
         {
@@ -108,10 +163,66 @@ OTHERS: dict[str, list[Any]] = {
             "machine": "SLA 2",
             "operator": "jd",
             "gauge": "scanner 3",
+            "measured_at": "2026-11-27T14:16:01",
             "more": {"shift": "2"},
         }
     ],
     "Check": [{"region": "rim"}],
+    "BestFit": [
+        {
+            "kind": "best_fit",
+            "regions": [{"region": {"kind": "segments", "segments": [3]}, "weight": 2.0}],
+            "other_weight": 0.1,
+        }
+    ],
+    "ConstrainedFit": [
+        {
+            "kind": "constrained",
+            "regions": [{"region": {"kind": "segments", "segments": [3]}, "weight": 2.0}],
+            "other_weight": 0.1,
+            "hold": ["tx", "ty", "rz"],
+            "about_mm": [0, 0, 10],
+            "line": {"point_mm": [0, 0, 0], "direction": [0, 0, 1]},
+            "plane": {"normal": [0, 0, 1]},
+        }
+    ],
+    "RpsFit": [
+        {
+            "kind": "rps",
+            "points": [{"name": "A1", "position_mm": [5, 5, 0], "direction": [0, 0, -1], "radius_mm": 2.0}],
+        }
+    ],
+    "ToleranceFit": [{"kind": "tolerance_fit", "tolerance_mm": 0.2, "lower_mm": -0.2, "upper_mm": 0.2}],
+    "LandmarksFit": [
+        {
+            "kind": "landmarks",
+            "pairs": [{"name": "L1", "design_mm": [0, 0, 0], "scan_mm": [12.1, 3.9, 40.2]}],
+            "design_landmarks": [0, 1, 4, 7],
+        }
+    ],
+    "AppliedAlignment": [
+        {
+            "kind": "rps",
+            "applied": False,
+            "reason": "the scan does not show 'A3'",
+            "residual_mm": 0.0,
+            "best_fit_residual_mm": 0.081,
+            "best_fit_matrix": [[1, 0, 0, 12.0], [0, 1, 0, -7.0], [0, 0, 1, 3.0], [0, 0, 0, 1]],
+            "translation_mm": 0.074,
+            "angle_deg": 0.11,
+            "iterations": 3,
+            "free_motions": [{"kind": "translation", "axis": [1, 0, 0], "point_mm": [0, 0, 0]}],
+            "points": [
+                {
+                    "name": "A1",
+                    "position_mm": [5, 5, 0],
+                    "best_fit_mm": 0.062,
+                    "value_mm": 0.0,
+                    "n": 41,
+                }
+            ],
+        }
+    ],
     "Health": [{"status": "ok"}],
     "Webhook": [{"url": "https://mes.example.com/hooks/cusp"}],
     "Options": [{"label": "bracket-0042", "tolerance_mm": 0.1}],

@@ -5,6 +5,12 @@
 T_design_scan @ p_scan_mm.
 """
 
+from pipeline.core.results.alignment import (
+    AlignedPoint,
+    AlignmentKind,
+    AppliedAlignment,
+    FreeAlignmentMotion,
+)
 from pipeline.core.results.base import Note, Record
 from pipeline.core.results.deviation import (
     DesignDeviation,
@@ -48,7 +54,10 @@ from pipeline.core.results.study import (
 from pipeline.core.results.verdict import Evidence, Finding, Verdict, VerdictStatus
 
 __all__ = [
+    "AlignedPoint",
+    "AlignmentKind",
     "Alternative",
+    "AppliedAlignment",
     "Centre",
     "Check",
     "Decision",
@@ -59,6 +68,7 @@ __all__ = [
     "Evidence",
     "Extreme",
     "Finding",
+    "FreeAlignmentMotion",
     "FreeMotion",
     "InformativenessProtocol",
     "InformativenessRow",

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.core.reference import Reference
+from pipeline.core.results.alignment import AppliedAlignment
 from pipeline.core.results.base import Note, Record
 from pipeline.core.results.deviation import DesignDeviation, Deviation
 from pipeline.core.results.inspection import Inspection
@@ -39,7 +40,12 @@ class RegistrationResult(Record):
     type: Literal["registration"] = Field("registration", description="type of the job")
     verdict: Verdict = Field(description="may the pose be trusted; read this first")
     transform: Transform | None = Field(
-        description="the pose of the scan on the design; null: no valid alignment was found"
+        description="the pose of the scan on the design, by `alignment` where one was asked for; null: no "
+        "valid alignment was found"
+    )
+    alignment: AppliedAlignment | None = Field(
+        None,
+        description="the alignment asked for, beside the best fit; null: none was, or there is no pose",
     )
     alternatives: list[Alternative] = Field(
         description="other poses that fit, and symmetry-equivalent poses; for `no_match` and `mirrored` the "

@@ -8,7 +8,9 @@ from pipeline.core.results.base import Matrix4, Record, Vector3
 
 
 class Transform(Record):
-    """The best proper (det +1) pose. `matrix` works on mm; `matrix_file_to_file` on the files' own units."""
+    """The proper (det +1) pose of the scan in files, deviation and inspection: the best fit, or that of
+    `options.alignment`. `matrix` works on mm; `matrix_file_to_file` on the files' own units.
+    """
 
     matrix: Matrix4 = Field(description="4x4, rows: p_design_mm = matrix @ (p_scan_mm, 1)")
     source: Literal["scan"] = Field("scan", description="frame of the input points")
@@ -103,7 +105,7 @@ class Metrics(Record):
         description="RMSE_c: under ICP of the complete shape from the uploaded pose"
     )
     k_ratio: float | None = Field(description="RMSE_c / RMSE_p")
-    rmse_mm: float | None = Field(description="under the final transform; null when there is none")
+    rmse_mm: float | None = Field(description="under the automatic pose (best fit); null when there is none")
     inlier_rmse_mm: float | None = Field(description="the same over scan vertices within inlier_distance_mm")
     inlier_distance_mm: float = Field(
         description="distance up to which a point counts as lying on the other surface"

@@ -64,12 +64,18 @@ class ReportSettings(Section):
         "(experimental)",
     )
 
+    qdas: bool = Field(
+        False,
+        description="registration: also write characteristics.dfq, the checks of the inspection in the "
+        "Q-DAS ASCII transfer format (AQDEF)",
+    )
+
     @model_validator(mode="after")
     def _files_to_write(self) -> Self:
-        if not self.writes_files and (self.pdf or self.three_mf):
+        if not self.writes_files and (self.pdf or self.three_mf or self.qdas):
             raise ValueError(
-                "report.pdf and report.three_mf are files: they need report.write_files, and report.content "
-                "other than none"
+                "report.pdf, report.three_mf and report.qdas are files: they need report.write_files, and "
+                "report.content other than none"
             )
         if self.content == "light" and self.pdf:
             raise ValueError("report.pdf is the page of report.html: it needs report.content full")

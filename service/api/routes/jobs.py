@@ -118,6 +118,9 @@ def list_jobs(
     serial: ReferenceText = None,
     batch: ReferenceText = None,
     part_number: ReferenceText = None,
+    batch_id: Annotated[
+        str | None, Query(max_length=36, pattern=NO_NUL, description="jobs of this batch")
+    ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
     cursor: Annotated[
         str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the previous page")
@@ -135,6 +138,7 @@ def list_jobs(
             "serial": serial,
             "batch": batch,
             "part_number": part_number,
+            "batch_id": batch_id,
         },
         before_id=cursor,
         limit=limit,

@@ -29,6 +29,7 @@ def checked(surface: MeasuredSurface, **acceptance: object) -> dict[str, Check]:
     return {check.name: check for check in found}
 
 
+PLATE = Surface(plate())
 BUMPED = measured(lambda p: bump(p, (10, 10), 4.0, 0.3) - bump(p, (30, 30), 3.0, 0.15))
 
 
@@ -144,7 +145,9 @@ def test_a_point_off_the_surface_is_an_error_that_names_it() -> None:
 def test_regions_of_space(region: dict[str, object], inside: object) -> None:
     points = np.random.default_rng(0).uniform(-4, 4, (5000, 3))
     limits = RegionLimits.model_validate({"name": "r", "region": region, "tolerance_mm": 1})
-    found = regions.members(limits.region, "r", points, np.zeros(5000, np.int64), np.zeros(1, np.int64))
+    found = regions.members(
+        limits.region, "r", points, np.zeros(5000, np.int64), np.zeros(1, np.int64), PLATE
+    )
     assert callable(inside)
     assert (found == inside(points)).all()
     assert 0 < found.sum() < 5000
@@ -157,13 +160,13 @@ def test_segments_and_faces_by_number() -> None:
         ({"kind": "faces", "faces": [2, 3]}, [True, False, True, False]),
     ):
         limits = RegionLimits.model_validate({"name": "r", "region": region, "tolerance_mm": 1})
-        found = regions.members(limits.region, "r", np.zeros((4, 3)), face, segment_of_face)
+        found = regions.members(limits.region, "r", np.zeros((4, 3)), face, segment_of_face, PLATE)
         assert found.tolist() == expected
     unknown = RegionLimits.model_validate(
         {"name": "rim", "region": {"kind": "segments", "segments": [3]}, "tolerance_mm": 1}
     )
     with pytest.raises(UnknownRegion, match=r"'rim' names segment 3, but the design has 3 \(0 to 2\)"):
-        regions.members(unknown.region, "rim", np.zeros((4, 3)), face, segment_of_face)
+        regions.members(unknown.region, "rim", np.zeros((4, 3)), face, segment_of_face, PLATE)
 
 
 @pytest.mark.parametrize(
@@ -278,3 +281,17 @@ def test_without_a_pose_nothing_is_measured() -> None:
     found = without_pose(verdict, Acceptance(tolerance_mm=0.2))
     assert (found.decision, found.checks, found.extremes, found.patch_mm) == ("not_judged", [], [], None)
     assert found.reasons == ["the alignment is no match, so the part cannot be judged"]
+
+
+def test_segments_by_a_place_are_those_under_it_whatever_their_numbers() -> None:
+    left = PLATE.mesh.vertices[PLATE.mesh.faces][:, :, 0].max(axis=1) <= 20
+    region = {"name": "r", "region": {"kind": "segments_at", "places_mm": [[5, 7, 0.1]]}, "tolerance_mm": 1}
+    limits = RegionLimits.model_validate(region)
+    face = np.arange(len(left))
+    for numbers in (np.where(left, 0, 1), np.where(left, 7, 3)):
+        found = regions.members(limits.region, "r", np.zeros((len(left), 3)), face, numbers, PLATE)
+        assert (found == left).all()
+    region["region"] = {"kind": "segments_at", "places_mm": [[5, 7, 0], [5, 7, 4]]}
+    far = RegionLimits.model_validate(region)
+    with pytest.raises(PointOffSurface, match="place 1 of region 'r' is 4 mm off"):
+        regions.members(far.region, "r", np.zeros((1, 3)), face[:1], left.astype(int), PLATE)

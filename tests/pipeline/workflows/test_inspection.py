@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from pipeline import Acceptance, RegistrationResult
+from pipeline import Acceptance, BestFit, LandmarksFit, RegistrationResult
 from pipeline.core.errors import UnknownRegion
 from pipeline.core.mesh import Mesh
 from tests.support import shapes
@@ -68,3 +69,45 @@ def test_a_segment_that_the_design_does_not_have_is_named(design: Path, tmp_path
     region = {"name": "rim", "region": {"kind": "segments", "segments": [999]}, "tolerance_mm": 0.1}
     with pytest.raises(UnknownRegion, match="'rim' names segment 999"):
         inspected(design, shrunk(0.0), tmp_path, Acceptance.model_validate({"regions": [region]}))
+
+
+def test_the_alignment_asked_for_is_that_of_files_deviation_and_checks(design: Path, tmp_path: Path) -> None:
+    """Reference points on the sound part of a print, whose other side is swollen."""
+    part = shapes.bumpy_blob(4, triangulation=1)
+    swollen = part.vertices * (1 + 0.03 * np.clip(part.vertices[:, :1] / 20, 0, 1))
+    scan = save(Mesh(swollen, part.faces).moved(shapes.motion(5)), tmp_path / "scan.ply")
+    sound = {"kind": "box", "min_mm": [-40, -40, -40], "max_mm": [0, 40, 40]}
+    alignment = BestFit.model_validate({"kind": "best_fit", "regions": [{"region": sound}]})
+    given = {"settings": COARSE, "acceptance": LIMITS}
+    best = register(design, scan, **given)
+    result = register(design, scan, alignment=alignment, out=tmp_path / "out", **given)
+    found, transform = result.alignment, result.transform
+    assert best.alignment is None
+    assert best.transform is not None
+    assert found is not None
+    assert transform is not None
+    assert (found.applied, found.kind, found.reason) == (True, "best_fit", None)
+    assert found.best_fit_matrix == best.transform.matrix
+    assert (result.verdict, result.metrics) == (best.verdict, best.metrics)
+    truth = np.linalg.inv(shapes.motion(5))
+    off = [np.abs(np.array(each.matrix) - truth)[:3, 3].max() for each in (transform, best.transform)]
+    assert off[0] < 0.25 * off[1]
+    assert found.translation_mm > 0.02
+    assert found.residual_mm is not None
+    assert found.residual_mm < 0.5 * (found.best_fit_residual_mm or 0)
+    aligned = trimesh.load(tmp_path / "out" / "aligned.ply", process=False)
+    sent = trimesh.load(scan, process=False)
+    np.testing.assert_allclose(aligned.vertices, trimesh.transform_points(sent.vertices, transform.matrix))
+    assert result.deviation is not None
+    assert best.deviation is not None
+    assert result.deviation.max_mm > best.deviation.max_mm
+
+
+def test_a_part_is_not_judged_where_its_alignment_cannot_be_made(design: Path, tmp_path: Path) -> None:
+    lone = LandmarksFit.model_validate({"kind": "landmarks", "design_landmarks": [997, 998, 999]})
+    scan = save(shapes.bumpy_blob(4, triangulation=1), tmp_path / "scan.ply")
+    result = register(design, scan, settings=COARSE, acceptance=LIMITS, alignment=lone)
+    assert result.inspection is not None
+    assert result.alignment is not None
+    assert (result.inspection.decision, result.alignment.applied) == ("not_judged", False)
+    assert "leave a motion free" in result.inspection.reasons[0]

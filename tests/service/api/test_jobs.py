@@ -65,6 +65,13 @@ def test_options_may_come_as_a_file(service: Service) -> None:
         ('{"tolerance_mm": 0}', "invalid_options", "options.tolerance_mm"),
         ('{"tolerance_mm": NaN}', "invalid_options", "options.tolerance_mm"),
         ('{"acceptance": {"tolerance_mm": 1, "upper_mm": 2}}', "invalid_options", "not both"),
+        ('{"alignment": {"kind": "tolerance_fit"}}', "invalid_options", "needs limits"),
+        (
+            '{"alignment": {"kind": "rps", "points": [{"name": "A", "position_mm": [0, 0, 0], '
+            '"direction": [0, 0, 1], "radius_mm": 1}]}}',
+            "invalid_options",
+            "the points leave a motion free: the rotation about",
+        ),
         ('{"acceptance": {"min_within": 0.9}}', "invalid_options", "acceptance: min_within"),
         ('{"reference": {"serial": ""}}', "invalid_options", "options.reference.serial"),
         ('{"reference": {"more": {"1": "x"}}}', "invalid_options", "options.reference.more"),

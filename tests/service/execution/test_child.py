@@ -26,10 +26,12 @@ def test_a_registration_is_called_with_everything_of_its_task(
         "seed": 7,
         "out": "out",
         "acceptance": {"tolerance_mm": 0.3},
+        "alignment": {"kind": "best_fit"},
         "reference": {"serial": "A-17"},
         **own,
     }
     child.run(task, lambda *_: None)
     assert {name: seen[name] for name in (*own, "seed", "out")} == {**own, "seed": 7, "out": "out"}
+    assert seen["alignment"].kind == "best_fit"
     assert (seen["acceptance"].upper, seen["reference"].serial) == (0.3, "A-17")
     assert [each.filename for each in seen["meshes"]] == ["a.stl", "a.stl"]

@@ -30,12 +30,14 @@ def test_the_child_is_given_the_meshes_and_everything_that_was_asked(service: Se
     service.finished(
         '{"units": {"scan": "m"}, "tolerance_mm": 0.2, "scan_accuracy_mm": 0.03, "seed": 9,'
         ' "design_part": "2", "columns": "id,x,y,z", "acceptance": {"tolerance_mm": 0.3},'
+        ' "alignment": {"kind": "best_fit"},'
         ' "reference": {"serial": "A-17"}}'
     )
     assert seen["design_content"] == TRIANGLE_OBJ
     assert (seen["design"]["unit"], seen["scan"]["unit"]) == ("auto", "m")
     assert (seen["design"]["filename"], seen["tolerance_mm"], seen["seed"]) == ("d.obj", 0.2, 9)
     assert seen["scan_accuracy_mm"] == 0.03
+    assert seen["alignment"]["kind"] == "best_fit"
     assert (seen["acceptance"]["tolerance_mm"], seen["reference"]["serial"]) == (0.3, "A-17")
     assert (seen["design"]["part"], seen["scan"]["columns"]) == ("2", "id,x,y,z")
     assert list(service.settings.scratch_dir.iterdir()) == []

@@ -153,3 +153,19 @@ def test_a_job_whose_row_is_damaged_stops_no_retention(service: Service) -> None
     sweep(service, 25)
     assert service.http.get(f"/v1/jobs/{old}").status_code == 404
     assert not any("results/" in path for path in kept_files(service))
+
+
+def test_a_batch_goes_with_its_last_job(service: Service) -> None:
+    blob = service.http.put("/v1/blobs", content=TRIANGLE_OBJ, params={"filename": "a.obj"}).json()["id"]
+    ref = {"blob": blob, "filename": "a.obj"}
+    request = {"design": ref, "scans": [{"scan": ref}, {"scan": ref}]}
+    address = service.http.post("/v1/batches", json=request).headers["Location"]
+    for job_id in list(service.waiting):
+        service.worker.run(job_id)
+    sweep(service, 25)
+    assert service.http.get(address).json()["by_status"] == {"successful": 2}
+    table = service.http.get(f"{address}/table.csv").text
+    assert table.count(",removed,") == 2
+    sweep(service, 51)
+    sweep(service, 51)
+    assert service.http.get(address).status_code == 404
