@@ -14,8 +14,8 @@ from pipeline.stages.registration import Fit
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
     """A scan on its design. weights : (n,) share of area of each vertex; start : under the automatic pose;
-    surface : of the design; segment_of_face : (m,) of it; brep : faces of its CAD
-    model, None where it has none; inlier_mm : vertices farther off are not fitted
+    surface : of the design; segment_of_face : (m,) of it; brep : faces of its CAD model, None where
+    it has none; inlier_mm : vertices farther off are not fitted
     """
 
     scan: Mesh
