@@ -15,6 +15,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.results import LandmarksResult, Note, RegistrationResult, StudyResult
 from pipeline.core.settings import ReportSettings, Settings
 from pipeline.report import decision_graph, deviation_histogram, glb, page, palette, pdf, three_mf, writers
+from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh
 from pipeline.report.registration_pictures import (
     SEGMENTS_NOTE,
@@ -52,6 +53,7 @@ def write_registration(
     design_display, scan_display = display_mesh(design.analysis), display_mesh(scan)
     if result.transform is not None:
         scan_display = scan_display.moved(np.array(result.transform.matrix))
+    scale = colour_scale(deviations.summary, result.scan, design.diagonal_mm)
     landmarks = {"design": result.landmarks.design, "scan": result.landmarks.scan}
     writers.write_landmarks(out / "landmarks.csv", landmarks, result.landmarks.matches)
     files = ["landmarks.csv"]
@@ -60,7 +62,7 @@ def write_registration(
         files.append("characteristics.csv")
     if result.transform is not None:
         writers.write_mesh(out / "aligned.ply", scan_display.full)
-        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations, settings.report)]
+        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations, scale, settings.report)]
     artifacts = Artifacts(tuple(files))
     if settings.report.is_full:
         files = write_design(out, design, design_display, settings)
@@ -69,7 +71,7 @@ def write_registration(
         text = page.registration(result, views, out)
         artifacts += Artifacts(tuple(files)) + _write_page(out, text, settings.report)
     if result.transform is not None and settings.report.three_mf:
-        artifacts += _write_three_mf(out, scan_display.full, deviations)
+        artifacts += _write_three_mf(out, scan_display.full, deviations, scale)
     return artifacts
 
 
@@ -138,14 +140,14 @@ def display_mesh(analysis: Analysis) -> DisplayMesh:
 
 
 def _write_deviation(
-    out: Path, aligned: DisplayMesh, deviations: Deviations, settings: ReportSettings
+    out: Path, aligned: DisplayMesh, deviations: Deviations, scale: ColourScale, settings: ReportSettings
 ) -> list[str]:
     """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is
     counted.
     """
     if deviations.summary is None:
         return []
-    mesh, scale = aligned.full, colour_scale(deviations)
+    mesh = aligned.full
     colours = scale.colours(deviations.signed_mm, deviations.counted)
     writers.write_mesh(out / "deviation.ply", mesh, colours)
     if not settings.is_full:
@@ -167,13 +169,13 @@ def _write_page(out: Path, text: str, settings: ReportSettings) -> Artifacts:
     return Artifacts((PAGE,), tuple(notes)) if notes else Artifacts((PAGE, pdf.NAME))
 
 
-def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations) -> Artifacts:
+def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations, scale: ColourScale) -> Artifacts:
     if aligned.is_cloud:
         detail = (
             f"{ALIGNED_3MF} was not written: the scan is a point cloud, and 3MF holds triangles only; "
             "see aligned.ply"
         )
         return Artifacts(notes=(Note(code="no_three_mf", detail=detail),))
-    colours = colour_scale(deviations).colours(deviations.signed_mm, deviations.counted)
+    colours = scale.colours(deviations.signed_mm, deviations.counted)
     three_mf.write(out / ALIGNED_3MF, aligned, colours, "aligned scan")
     return Artifacts((ALIGNED_3MF,))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.mesh import FloatArray
-from pipeline.core.results import Deviation
+from pipeline.core.results import DesignSide, Deviation
 from pipeline.report.chart import Chart, Scale, css
 from pipeline.report.colormap import ColourScale
 from pipeline.report.numbers import fixed, signed
@@ -19,6 +19,11 @@ WIDTH, HEIGHT = 518.0, 230.0
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 10.0, 26.0, 38.0
 #: Font size of the names of the percentiles, points.
 MARK_PT = 7.0
+AXIS_LABELS: dict[DesignSide, str] = {
+    "closed": "deviation [mm]: &lt; 0 missing material, &gt; 0 excess material",
+    "open": "deviation [mm]: &lt; 0 below the surface of the design, &gt; 0 above it",
+    "none": "distance from the design [mm], without a sign",
+}
 #: Room above the highest bar, as a factor.
 ROOM = 1.05
 
@@ -56,7 +61,7 @@ def draw(signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: 
             chart.line(at, chart.y.start, at, chart.y.end, "#000", 1.0)
     chart.frame(
         f"mean {signed(summary.mean_mm)} mm, SD {fixed(summary.sd_mm)} mm, RMS {fixed(summary.rms_mm)} mm",
-        "deviation [mm]: &lt; 0 missing material, &gt; 0 excess material",
+        AXIS_LABELS[summary.sign],
         ("share of the area [%]",),
     )
     return chart

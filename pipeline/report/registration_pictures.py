@@ -4,9 +4,9 @@ import numpy as np
 
 from pipeline.analysis.mesh_analysis import Analysis
 from pipeline.core.mesh import FloatArray, Mesh
-from pipeline.core.results import RegistrationResult
+from pipeline.core.results import Deviation, RegistrationResult, ScanQuality
 from pipeline.report import palette
-from pipeline.report.colormap import ColourScale
+from pipeline.report.colormap import ColourScale, resolution_mm
 from pipeline.report.glb import DisplayMesh
 from pipeline.report.page import PageViews, render_views
 from pipeline.report.sections import Pictures
@@ -34,10 +34,16 @@ def registration_views(
     )
 
 
-def colour_scale(deviations: Deviations) -> ColourScale:
-    """The scale of the counted deviations; grey within the tolerance, where there is one."""
-    tolerance_mm = None if deviations.summary is None else deviations.summary.tolerance_mm
-    return ColourScale.of(deviations.signed_mm, deviations.counted, tolerance_mm)
+def colour_scale(summary: Deviation | None, quality: ScanQuality | None, diagonal_mm: float) -> ColourScale:
+    """The scale of the deviations, without their outer 1 % on each side; grey within the tolerance, where
+    there is one. diagonal_mm : of the design
+    """
+    accuracy_mm, noise_mm = (None, None) if quality is None else (quality.accuracy_mm, quality.noise_mm)
+    least_mm = resolution_mm(accuracy_mm, noise_mm, diagonal_mm)
+    if summary is None:
+        return ColourScale.of(0.0, least_mm, None)
+    needed_mm = max(abs(summary.p01_mm), abs(summary.p99_mm))
+    return ColourScale.of(needed_mm, least_mm, summary.tolerance_mm)
 
 
 def segment_pictures(
@@ -66,7 +72,7 @@ def _deviation_pictures(
         )
     if deviations.summary is None:
         return None
-    scale = colour_scale(deviations)
+    scale = colour_scale(deviations.summary, result.scan, design.mesh.diagonal_mm)
     colours = display.values(scale.colours(deviations.signed_mm, deviations.counted))
     legend = deviation_legend(scale, deviations.summary.sign, rejected=is_rejected)
     images = render_views(display.mesh, colours, design.mesh)

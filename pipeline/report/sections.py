@@ -61,30 +61,27 @@ class Drawing:
 Section = Pictures | Drawing | tables.Table
 
 
-SIGNS: dict[DesignSide, str] = {
-    "closed": "",
-    "open": " The design is open: + is the side its face normals point to.",
-    "none": "",
+#: What the two ends of the scale mean, by the sign of the distances.
+MEANINGS: dict[DesignSide, str] = {
+    "closed": "Blue: material is missing. Red: excess material.",
+    "open": "Blue: below the surface of the design. Red: above it, on the side of its face normals.",
+    "none": "Red: away from the design. Its faces have no consistent orientation, so distances have no sign.",
 }
 
 
 def legend(scale: ColourScale, sign: DesignSide, *, rejected: bool = False) -> Legend:
     """The legend in mm. rejected : the pose is a rejected one, so the distances do not describe the print"""
     middles = (np.arange(LEGEND_STEPS) + 0.5) / LEGEND_STEPS * 2 - 1
-    words = "Blue: material is missing. Red: excess material."
-    if rejected:
+    words = MEANINGS[sign]
+    if rejected and sign == "closed":
         words = "Blue: inside the design. Red: outside."
-    if sign == "none":
-        words = "Red: away from the design. The design is not orientable, so distances have no sign."
     words += (
         " Dark grey: on an open border, not counted. Values beyond the limits have the colours of the limits."
     )
     if scale.tolerance_mm is not None:
         words += f" Light grey: within the tolerance of ±{scale.tolerance_mm:g} mm."
     return Legend(
-        [tables.hex_of(each) for each in scale.colours(middles * scale.limit_mm)],
-        _ticks(scale),
-        words + SIGNS[sign],
+        [tables.hex_of(each) for each in scale.colours(middles * scale.limit_mm)], _ticks(scale), words
     )
 
 

@@ -18,7 +18,7 @@ const PAGES = { registration: './registration.js', landmarks: './landmarks.js', 
 
 /** signal : aborted when people go elsewhere */
 export async function open(id, signal) {
-  for (const box of ['result', 'failed', 'offer', 'decision', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
+  for (const box of ['result', 'failed', 'offer', 'decision', 'checks', 'verdict', 'identity', 'viewer', 'measure', 'how', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
   delete $('result').dataset.shown;
   $('job-title').textContent = 'Job';
   $('job-made').textContent = '';
@@ -62,7 +62,7 @@ function tell(job) {
   $('job-title').textContent = job.label ? `${job.type}: ${job.label}` : job.type;
   document.title = `${isFinal ? job.status : `${Math.floor(job.progress)} %`} · ${job.label ?? job.type} · Cusp`;
   const took = job.started && job.finished ? ` · ${((new Date(job.finished) - new Date(job.started)) / 1000).toFixed(1)} s` : '';
-  $('job-made').textContent = `${meshes(job.inputs)} · ${time(job.created)}${took} · ${job.id}`;
+  $('job-made').textContent = `${meshes(job.inputs)} · sent ${time(job.created)}${took} · job ${job.id}`;
   $('progress-box').hidden = isFinal;
   $('remove').hidden = !isFinal;
   $('progress').value = job.progress;

@@ -176,6 +176,7 @@ def test_what_follows_a_job_on_one_part_is_on_that_part(
     page.check("input[value=landmarks]")
     expect(page.locator("#reading")).to_be_hidden()  # the options of a registration
     watched.open(job)
+    page.click("#how > summary")
     with page.expect_request("**/v1/jobs") as sent:
         page.click("#again")
     assert sent.value.post_data_json["options"]["design_part"] == "blob"
