@@ -17,6 +17,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.point_columns import PointColumns
 from pipeline.core.progress import OnProgress, Progress, Stage
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import (
     Decision,
     LandmarksResult,
@@ -41,6 +42,7 @@ __all__ = [
     "Progress",
     "Reference",
     "RegistrationResult",
+    "ReportHeader",
     "SegmentsResult",
     "Settings",
     "Stage",

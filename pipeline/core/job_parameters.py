@@ -1,9 +1,10 @@
 """What a registration job states beside its meshes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pipeline.core.acceptance import Acceptance
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.settings import Settings
 
 
@@ -11,7 +12,7 @@ from pipeline.core.settings import Settings
 class JobParameters:
     """settings; seed : of every random draw; tolerance_mm : of the part, None where the job states none;
     acceptance : what the part must satisfy, None where nothing is stated; reference : of the part, carried
-    through
+    through; header : of the report
     """
 
     settings: Settings
@@ -19,6 +20,7 @@ class JobParameters:
     tolerance_mm: float | None
     acceptance: Acceptance | None = None
     reference: Reference | None = None
+    header: ReportHeader = field(default_factory=ReportHeader)
 
     @classmethod
     def of(
@@ -29,6 +31,7 @@ class JobParameters:
         scan_accuracy_mm: float | None,
         acceptance: Acceptance | None = None,
         reference: Reference | None = None,
+        header: ReportHeader | None = None,
     ) -> "JobParameters":
         """scan_accuracy_mm : of the scanner (1 sigma); it replaces that of the settings, None leaves it;
         acceptance : without limits for the whole part it has those of the tolerance
@@ -39,7 +42,7 @@ class JobParameters:
             settings = settings.model_copy(update={"registration": registration})
         if acceptance is not None:
             acceptance = acceptance.with_tolerance(tolerance_mm)
-        return cls(settings, seed, tolerance_mm, acceptance, reference)
+        return cls(settings, seed, tolerance_mm, acceptance, reference, header or ReportHeader())
 
     def max_sigma_mm(self, design_diagonal_mm: float) -> float:
         """How uncertain (1 sigma) a motion may be: the tolerance, or a share of the design's diagonal."""

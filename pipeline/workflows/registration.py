@@ -57,7 +57,8 @@ def run_registration(
         settings,
         timer,
         lambda folder, built: write_registration(
-            folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings
+            *(folder, built, outcome.design, outcome.registered.scan, outcome.deviations, settings),
+            job.header.of_files(design=design_file.filename, scan=scan_file.filename),
         ),
     )
     has_files = bool(outcome.design.cached.files)  # those of the design, which the model keeps

@@ -5,6 +5,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +17,7 @@ from service.contract.job_types import ALL_MESHES
 from service.contract.options import resolve_settings
 from service.contract.schemas import Options, Problem
 from service.execution.heartbeat import Heartbeat
+from service.execution.letterhead import Letterhead
 from service.execution.results_outcome import outcome_of
 from service.execution.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.jobs.metrics import Metrics
@@ -27,6 +29,7 @@ from service.storage.design_cache import DesignCache
 from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
 
 Returned = TypeVar("Returned")
+NO_LETTERHEAD = Letterhead()
 log = structlog.get_logger()
 
 
@@ -69,9 +72,11 @@ class Worker:
         sandbox: Sandbox,
         scratch: Path,
         metrics: Metrics,
+        letterhead: Letterhead = NO_LETTERHEAD,
     ) -> None:
         self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
         self._sandbox, self._scratch, self._metrics = sandbox, scratch, metrics
+        self._letterhead = letterhead
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -184,6 +189,12 @@ class Worker:
             "acceptance": options.acceptance and options.acceptance.model_dump(mode="json"),
             "reference": options.reference and options.reference.model_dump(mode="json"),
             "seed": options.seed,
+            "report": {
+                "job": row.id,
+                "created": datetime.fromtimestamp(row.created_ms / 1000, UTC).isoformat(),
+                "company": self._letterhead.company,
+                "logo": self._letterhead.logo,
+            },
         }
         for mesh, source in row.inputs.items():
             path = folder / f"{mesh}.mesh"  # not the client's file name, which is only a hint of the format

@@ -11,6 +11,7 @@ import structlog
 
 from service.execution.confinement.measures import Measures
 from service.execution.job_limits import Limits
+from service.execution.letterhead import Letterhead
 from service.execution.periodic import PeriodicTask
 from service.execution.sandbox import Sandbox, SandboxError
 from service.execution.worker import Worker
@@ -49,6 +50,11 @@ def run_worker(settings: ServiceSettings) -> int:
     if not settings.is_embedded and _is_taken(jobs, settings.worker_id):
         log.error("a live worker has this name already; set CUSP_WORKER_ID", worker_id=settings.worker_id)
         return EXIT_BROKEN
+    try:
+        letterhead = Letterhead.of(settings.report_company, settings.report_logo)
+    except ValueError as error:
+        log.error("cannot run jobs", reason=str(error))
+        return EXIT_BROKEN
     limits = Limits(settings.job_time_limit_s, settings.job_memory_limit_mib, settings.job_disk_limit_mib)
     sandbox = Sandbox(limits)
     try:
@@ -63,7 +69,7 @@ def run_worker(settings: ServiceSettings) -> int:
     scratch.mkdir(mode=0o700, parents=True)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics)
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics, letterhead)
     queue = DbosQueue(settings.queue)
     reaper = Reaper(jobs, queue)
     reaper.at_start(settings.worker_id)

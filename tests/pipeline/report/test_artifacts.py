@@ -23,8 +23,8 @@ from pipeline.kernels.remesh import MANY_FACES
 from pipeline.report import writers
 from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import NOT_COUNTED, DisplayMesh, write_glb
-from pipeline.report.page import render_views
 from pipeline.report.sections import legend
+from pipeline.report.shots import FOOT_PX, shoot
 from tests.support.meshes import blob_stl
 from tests.support.settings import FAST as SMALL
 from tests.support.shapes import icosphere
@@ -47,7 +47,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RegistrationRe
 class Outline(HTMLParser):
     """What a page is made of, and whether its tags close."""
 
-    VOID = frozenset({"meta", "img", "rect", "line", "br", "link", "input"})
+    VOID = frozenset({"meta", "img", "rect", "line", "br", "link", "input", "path", "circle"})
 
     def __init__(self) -> None:
         super().__init__()
@@ -209,15 +209,15 @@ def test_the_page_says_the_size_of_both_in_one_frame(made: tuple[Path, Registrat
         assert [float(word) for word in words.split(" x ")] == pytest.approx(extents, abs=0.051)
 
 
-def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_caption_says_how_wide_the_picture_is() -> None:
+def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_scale_bar_is_true() -> None:
     ball, design = icosphere(10.0, 4), icosphere(2.0, 2)
-    for caption, data in render_views(ball, np.zeros((len(ball.vertices), 3)), design, count=4):
-        image = np.asarray(Image.open(BytesIO(data)).convert("L"))
-        rim = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    for shot in shoot(ball, np.zeros((len(ball.vertices), 3)), design, ["+z", "oblique"]):
+        image = np.asarray(Image.open(BytesIO(shot.data)).convert("L"))
+        rim = np.concatenate([image[0], image[-FOOT_PX], image[:, 0], image[:, -1]])
         assert (rim == 255).all() and (image < 255).any()
         across_px = np.ptp(np.flatnonzero((image < 255).any(axis=0))) + 1
-        width_mm = float(caption.split()[-3])
-        assert across_px / image.shape[1] * width_mm == pytest.approx(20.0, rel=0.01)
+        mm_per_px = float(shot.bar_words.split()[0]) / shot.bar_px
+        assert across_px * mm_per_px == pytest.approx(20.0, rel=0.01)
 
 
 @pytest.mark.parametrize("tolerance_mm", [None, 0.05, 0.4, 0.5])
