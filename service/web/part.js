@@ -150,7 +150,7 @@ function begin(Viewer, known) {
 /** What lies over the picture; the pins are those of the final pose. */
 function furnish() {
   const isFinal = !now.isAligned || $('pose').value === 'final';
-  overlay.draw($('overlay'), viewer, isFinal && $('show-pins').checked ? now.pins : [], measuring.shown());
+  overlay.draw($('overlay'), viewer, isFinal && $('show-pins').checked ? now.pins.filter(({ position }) => viewer.kept(position)) : [], measuring.shown());
 }
 
 function pick(found) {

@@ -124,9 +124,16 @@ function slab(geometry, axis, offset, spacing, values) {
   return found;
 }
 
+/** Where a point of the scan is drawn, its deviation so many times as large. */
+function drawnAt({ at, mm, normal }) {
+  const times = Number($('section-times').value);
+  return mm === null ? at : at.map((part, k) => part + (times - 1) * mm * normal[k]);
+}
+
 function fitting({ design, scan, points }, axis) {
   const [u, v] = ACROSS[axis];
-  const all = [...[...design, ...scan].flatMap(({ ends }) => ends), ...points];
+  const apart = scan.flatMap(({ ends }) => ends.map((end) => ({ at: drawnAt(end) })));
+  const all = [...design.flatMap(({ ends }) => ends), ...apart, ...points];
   if (!all.length) return null;
   const { width, height } = $('section-plot');
   const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
@@ -160,11 +167,9 @@ function paint() {
   const { view, drawn } = now;
   const axis = NAMES.indexOf($('section-axis').value);
   const [u, v] = ACROSS[axis];
-  const times = Number($('section-times').value);
   const ink = getComputedStyle(plot).color;
   const scale = legend.current();
   const place = (at) => [plot.width / 2 + (at[u] - view.u) * view.scale, plot.height / 2 - (at[v] - view.v) * view.scale];
-  const apart = ({ at, mm, normal }) => (mm === null ? at : at.map((part, k) => part + (times - 1) * mm * normal[k]));
   const colour = (mm) => (mm === null || !scale ? 'rgb(128 128 128)' : `rgb(${strong(colours.of(mm, scale))})`);
   const line = (from, to) => {
     pen.beginPath();
@@ -179,7 +184,7 @@ function paint() {
   pen.lineWidth = 3;
   for (const { ends: [a, b] } of drawn.scan) {
     pen.strokeStyle = colour(a.mm === null || b.mm === null ? null : (a.mm + b.mm) / 2);
-    line(apart(a), apart(b));
+    line(drawnAt(a), drawnAt(b));
   }
   for (const { at, mm } of drawn.points) {
     pen.fillStyle = colour(mm);

@@ -15,7 +15,7 @@ const MARGIN = 1.08; // of the view, around the part
 const BALL = 0.0075; // radius of a landmark, as a share of the diagonal
 const FOV_DEG = 30; // of the perspective
 const FAR_AWAY = 4; // radii of the part between the eye and its centre, where lines stay parallel
-const SEE_THROUGH = 0.4; // opacity of the design over the scan
+const SEE_THROUGH = 0.25; // opacity of the design over the scan
 const LIFT = 0.004; // of the diagonal, or the largest deviation: the design is drawn so far in front of the scan, without stripes
 const UNDER = 0x7e8896; // of the design, with the scan over it
 const STEPS = 1024; // colours of a table
@@ -53,6 +53,7 @@ export class Viewer {
     this.isCloud = false;
     this.pairs = [];
     this.lift = 0;
+    this.kept = () => true; // whether a place is not cut away
     this.addSpots();
     this.cancelPicking = listen(this);
     this.size = new ResizeObserver(() => this.resize());
@@ -243,6 +244,7 @@ export class Viewer {
   /** Keep what lies below `offset` along the axis 0, 1 or 2; null shows all. */
   clip(axis, offset) {
     const normal = new THREE.Vector3().setComponent(axis ?? 0, -1);
+    this.kept = (position) => offset === null || position[axis] <= offset;
     this.renderer.clippingPlanes = offset === null ? [] : [new THREE.Plane(normal, offset)];
     this.draw();
   }

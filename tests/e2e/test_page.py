@@ -56,7 +56,9 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     assert {"results.json", "report.html", "deviation.ply"} <= set(listed)
     with page.expect_popup() as opened:
         page.click("#files a:text('report.html')")
-    expect(opened.value.locator("h1")).to_have_text("Registration of a scan to its design")
+    expect(opened.value.locator("h1")).to_have_text("Inspection report")
+    for words in ("A-17", "design.stl", "scan.stl", job_id):  # which part, which files, which job
+        expect(opened.value.locator(".facts")).to_contain_text(words)
     page.click("a.button:text('All jobs')")
     row = page.locator("#job-rows tr", has_text="seen in a browser")
     expect(row).to_contain_text("successful")
@@ -66,6 +68,22 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     expect(page.locator("#job-rows tr")).to_have_count(0)
     page.fill("#filter-label", "")
     page.locator("#filter-label").blur()
+    expect(row).to_contain_text("A-17")
+    page.fill("#filter-label", "in a brow")  # a part of the name
+    page.locator("#filter-label").blur()
+    expect(page.locator("#job-rows tr")).to_have_count(1)
+    page.fill("#filter-label", "")
+    for day, count in (("2020-01-01", 0), ("2999-01-01", 1)):
+        page.fill("#filter-serial", "A-17")
+        page.fill("#filter-to", day)
+        page.locator("#filter-to").blur()
+        expect(page.locator("#job-rows tr")).to_have_count(count)
+    page.fill("#filter-from", "2998-12-31")
+    page.locator("#filter-from").blur()
+    expect(page.locator("#job-rows tr")).to_have_count(0)
+    for name in ("from", "to", "serial"):
+        page.fill(f"#filter-{name}", "")
+        page.locator(f"#filter-{name}").blur()
     page.select_option("#filter-decision", "pass")
     expect(row).to_contain_text("pass")
     page.select_option("#filter-decision", "fail")
