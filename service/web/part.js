@@ -60,7 +60,8 @@ export async function openRegistration(id, results, sizes, signal) {
   setUp({ scan: Boolean(scanFile), design: !isAligned || viewer.isCloud, marks: false, lines: false });
   const isMeasured = isAligned && viewer.values !== null; // the file of a cloud of points of an earlier version has colours only
   for (const id of ['legend', 'tolerance-box', 'section', 'extremes']) $(id).hidden = !isMeasured;
-  viewer.frame('+z');
+  viewer.onReset = () => viewer?.frame('+z');
+  viewer.onReset();
   pose(now.poses.has('final') ? 'final' : 'before');
   if (!isMeasured) return;
   if (!viewer.isCloud) viewer.shadeBacks();
