@@ -66,6 +66,8 @@ def colour_scale(summary: Deviation | None, quality: ScanQuality | None, diagona
     there is one. diagonal_mm : of the design
     """
     accuracy_mm, noise_mm = (None, None) if quality is None else (quality.accuracy_mm, quality.noise_mm)
+    if noise_mm is not None and summary is not None:
+        noise_mm = min(noise_mm, summary.sd_mm)  # of few points it is overestimated
     least_mm = resolution_mm(accuracy_mm, noise_mm, diagonal_mm)
     if summary is None:
         return ColourScale.of(0.0, least_mm, None)

@@ -23,9 +23,10 @@ export function of(mm, { low, high, lower, upper, bands }) {
   return at((Math.sign(share) * Math.ceil(Math.min(Math.abs(share), 1) * bands - 1e-9)) / bands);
 }
 
-/** Least end of a scale in mm. scan : `scan` of the results, which earlier versions do not have */
-export function resolution(scan, diagonal) {
-  return Math.max(RESOLUTION_SIGMAS * (scan?.accuracy_mm ?? scan?.noise_mm ?? 0), RESOLUTION_SHARE * diagonal);
+/** Least end of a scale in mm. scan : `scan` of the results, which earlier versions do not have; sd : of the deviations, as the
+ *  noise of few points is overestimated */
+export function resolution(scan, diagonal, sd) {
+  return Math.max(RESOLUTION_SIGMAS * (scan?.accuracy_mm ?? Math.min(scan?.noise_mm ?? 0, sd)), RESOLUTION_SHARE * diagonal);
 }
 
 /** The next of 1, 1.5, 2, 3, 5, 7.5 times a power of ten. */

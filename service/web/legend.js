@@ -23,7 +23,7 @@ $('scale-reset').addEventListener('click', () => now && open(now.viewer, now.res
 export function open(viewer, results) {
   const { deviation } = results;
   const tolerance = deviation.tolerance_mm ?? 0;
-  const least = colours.resolution(results.scan, viewer.diagonal());
+  const least = colours.resolution(results.scan, viewer.diagonal(), deviation.sd_mm);
   const needed = Math.max(Math.abs(deviation.p01_mm), Math.abs(deviation.p99_mm), least);
   now = { viewer, results, deviation, needed, lower: -tolerance, upper: tolerance, low: null, high: null, bands: 0 };
   $('scale-kind').value = '0';
