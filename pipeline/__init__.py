@@ -28,6 +28,7 @@ from pipeline.core.mesh_file import MeshFile
 from pipeline.core.point_columns import PointColumns
 from pipeline.core.progress import OnProgress, Progress, Stage
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import (
     Decision,
     LandmarksResult,
@@ -57,6 +58,7 @@ __all__ = [
     "Progress",
     "Reference",
     "RegistrationResult",
+    "ReportHeader",
     "RpsFit",
     "SegmentsResult",
     "Settings",

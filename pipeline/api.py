@@ -9,6 +9,7 @@ from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, ignore
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import LandmarksResult, RegistrationResult, SegmentsResult, StudyResult
 from pipeline.core.settings import Detector, Settings, StudyKind
 
@@ -23,6 +24,7 @@ def register(
     acceptance: Acceptance | None = None,
     reference: Reference | None = None,
     alignment: Alignment | None = None,
+    header: ReportHeader | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     design_cache: Path | str | None = None,
@@ -44,6 +46,7 @@ def register(
         `inspection.decision` is `not_judged`
     reference : identity of the part, carried through to the results
     alignment : how the scan lies on the design for deviation, inspection and files; None: as it fits best
+    header : what the report says at its head beside the names of the files: job, date, company, logo
     seed : of every random draw; the same seed, files and settings give the same bytes
     out : folder for results.json and the files it lists; None writes nothing and `files` is empty
     design_cache : file where the analysis of the design is kept for its next scan; made when it is not there,
@@ -70,7 +73,7 @@ def register(
         MeshFile.of(scan),
         JobParameters.of(
             *(settings or Settings(), seed, tolerance_mm, scan_accuracy_mm),
-            *(acceptance, reference, alignment),
+            *(acceptance, reference, alignment, header),
         ),
         out=None if out is None else Path(out),
         design_cache=None if design_cache is None else Path(design_cache),
@@ -118,6 +121,7 @@ def find_landmarks(
     settings: Settings | None = None,
     out: Path | str | None = None,
     seed: int = 0,
+    header: ReportHeader | None = None,
     on_progress: OnProgress = ignore,
 ) -> LandmarksResult:
     """Segments and landmarks of one mesh, by T^2 or by what `settings.landmarks.detector` says.
@@ -128,6 +132,7 @@ def find_landmarks(
     out : folder for landmarks.csv, mesh.clean.ply, mesh.vertices.csv, mesh.segments.ply,
         mesh.decision_graph.svg and results.json; None writes nothing and `files` is empty
     seed : of the draws of some detectors; the same seed, file and settings give the same bytes
+    header : as of `register`
     on_progress : called with each `Progress`, in order
 
     Raises
@@ -144,6 +149,7 @@ def find_landmarks(
         seed=seed,
         out=None if out is None else Path(out),
         on_progress=on_progress,
+        header=header,
     )
 
 
@@ -158,6 +164,7 @@ def study(
     settings: Settings | None = None,
     out: Path | str | None = None,
     seed: int = 0,
+    header: ReportHeader | None = None,
     on_progress: OnProgress = ignore,
 ) -> StudyResult:
     """Do landmarks carry what registration needs (`informativeness`, the paper's protocol), and are they
@@ -170,6 +177,7 @@ def study(
     out : folder for results.json, trials.csv and study.svg; None writes nothing and `files` is empty
     seed : of every trial's draw; the same seed, file and settings give the same bytes, whatever the number of
     processors
+    header : as of `register`
     on_progress : called with each `Progress`, in order
 
     Raises
@@ -190,6 +198,7 @@ def study(
         seed=seed,
         out=None if out is None else Path(out),
         on_progress=on_progress,
+        header=header,
     )
 
 

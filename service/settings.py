@@ -61,6 +61,10 @@ class ServiceSettings(BaseSettings):
         description="how far clients may raise settings: `load.max_faces=1e7, study.trials=1000`; by default "
         "`load.max_faces`, `load.max_points` and `load.max_archive_expansion` cannot be raised",
     )
+    report_company: str = Field("", max_length=200, description="name at the head of every report")
+    report_logo: str = Field(
+        "", description="path of a PNG or JPEG of at most 256 KiB, at the head of every report; empty: none"
+    )
     webhook_networks: str = Field(
         "", description="private networks that webhooks may reach: `10.1.0.0/16, 127.0.0.0/8`"
     )

@@ -1,10 +1,11 @@
 """What a registration job states beside its meshes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pipeline.core.acceptance import Acceptance
 from pipeline.core.alignment import Alignment, limits_are_given
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.settings import Settings
 
 
@@ -12,7 +13,8 @@ from pipeline.core.settings import Settings
 class JobParameters:
     """settings; seed : of every random draw; tolerance_mm : of the part, None where the job states none;
     acceptance : what the part must satisfy, None where nothing is stated; reference : of the part, carried
-    through; alignment : the one that deviation and inspection use, None for the automatic pose
+    through; alignment : the one that deviation and inspection use, None for the automatic pose; header : of
+    the report
     """
 
     settings: Settings
@@ -21,6 +23,7 @@ class JobParameters:
     acceptance: Acceptance | None = None
     reference: Reference | None = None
     alignment: Alignment | None = None
+    header: ReportHeader = field(default_factory=ReportHeader)
 
     @classmethod
     def of(
@@ -32,6 +35,7 @@ class JobParameters:
         acceptance: Acceptance | None = None,
         reference: Reference | None = None,
         alignment: Alignment | None = None,
+        header: ReportHeader | None = None,
     ) -> "JobParameters":
         """scan_accuracy_mm : of the scanner (1 sigma); it replaces that of the settings, None leaves it;
         acceptance : without limits for the whole part it has those of the tolerance
@@ -44,7 +48,7 @@ class JobParameters:
             acceptance = acceptance.with_tolerance(tolerance_mm)
         if not limits_are_given(alignment, acceptance, tolerance_mm):
             raise ValueError("alignment: a tolerance_fit needs limits: its own, acceptance or tolerance_mm")
-        return cls(settings, seed, tolerance_mm, acceptance, reference, alignment)
+        return cls(settings, seed, tolerance_mm, acceptance, reference, alignment, header or ReportHeader())
 
     def max_sigma_mm(self, design_diagonal_mm: float) -> float:
         """How uncertain (1 sigma) a motion may be: the tolerance, or a share of the design's diagonal."""

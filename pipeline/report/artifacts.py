@@ -13,10 +13,13 @@ from pipeline.analysis.design_model import DesignModel
 from pipeline.analysis.mesh_analysis import Analysis, SegmentationResult
 from pipeline.core.brep_faces import BrepFaces
 from pipeline.core.mesh import Mesh
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import LandmarksResult, Note, RegistrationResult, StudyResult
 from pipeline.core.settings import ReportSettings, Settings
 from pipeline.report import decision_graph, deviation_histogram, glb, page, palette, pdf, three_mf, writers
+from pipeline.report.colormap import ColourScale
 from pipeline.report.glb import DisplayMesh
+from pipeline.report.page import NO_HEADER
 from pipeline.report.registration_pictures import (
     SEGMENTS_NOTE,
     colour_scale,
@@ -24,6 +27,8 @@ from pipeline.report.registration_pictures import (
     segment_pictures,
 )
 from pipeline.report.sections import Pictures
+from pipeline.report.views import standard_views
+from pipeline.report.words import Words
 from pipeline.stages.deviation import Deviations
 
 PAGE = "report.html"
@@ -48,11 +53,14 @@ def write_registration(
     scan: Analysis,
     deviations: Deviations,
     settings: Settings,
+    header: ReportHeader = NO_HEADER,
 ) -> Artifacts:
     """The files of a registration that `settings.report` asks for. scan : in mm, in its own frame"""
     design_display, scan_display = display_mesh(design.analysis), display_mesh(scan)
     if result.transform is not None:
         scan_display = scan_display.moved(np.array(result.transform.matrix))
+    scale = colour_scale(deviations.summary, result.scan, design.diagonal_mm)
+    words = Words(settings.report.language)
     landmarks = {"design": result.landmarks.design, "scan": result.landmarks.scan}
     writers.write_landmarks(out / "landmarks.csv", landmarks, result.landmarks.matches)
     files = ["landmarks.csv"]
@@ -61,16 +69,21 @@ def write_registration(
         files.append("characteristics.csv")
     if result.transform is not None:
         writers.write_mesh(out / "aligned.ply", scan_display.full)
-        files += ["aligned.ply", *_write_deviation(out, scan_display, deviations, settings.report)]
+        files += [
+            "aligned.ply",
+            *_write_deviation(out, scan_display, deviations, scale, settings.report, words),
+        ]
     artifacts = Artifacts(tuple(files))
     if settings.report.is_full:
         files = write_design(out, design, design_display, settings)
         files += write_analysis(out, "scan", scan, settings)
-        views = registration_views(result, design.analysis, design_display, scan, scan_display, deviations)
-        text = page.registration(result, views, out)
+        views = registration_views(
+            result, design.analysis, design_display, scan, scan_display, deviations, words
+        )
+        text = page.registration(result, views, out, header, words)
         artifacts += Artifacts(tuple(files)) + _write_page(out, text, settings.report)
     if result.transform is not None and settings.report.three_mf:
-        artifacts += _write_three_mf(out, scan_display.full, deviations)
+        artifacts += _write_three_mf(out, scan_display.full, deviations, scale)
     return artifacts
 
 
@@ -101,7 +114,12 @@ def write_segments(out: Path, mesh: Mesh, segments: SegmentationResult, settings
 
 
 def write_landmarks(
-    out: Path, result: LandmarksResult, analysis: Analysis, settings: Settings, brep: BrepFaces | None = None
+    out: Path,
+    result: LandmarksResult,
+    analysis: Analysis,
+    settings: Settings,
+    brep: BrepFaces | None = None,
+    header: ReportHeader = NO_HEADER,
 ) -> Artifacts:
     """The files of a landmarks job. brep : faces of the CAD model, where the file has them"""
     colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
@@ -110,17 +128,23 @@ def write_landmarks(
     if not settings.report.is_full:
         return Artifacts(("mesh.segments.ply", "landmarks.csv"))
     files = write_analysis(out, "mesh", analysis, settings, brep)
-    images = segment_pictures("mesh", analysis, display_mesh(analysis), analysis.mesh, count=4)
-    pictures = Pictures("Segments and landmarks", "segments of the", images, SEGMENTS_NOTE)
-    text = page.landmarks(result, pictures, out)
+    words, mesh = Words(settings.report.language), analysis.mesh
+    names = standard_views(mesh)
+    images = segment_pictures(words("mesh"), analysis, display_mesh(analysis), mesh, names, words)
+    title = words("Segments and landmarks")
+    pictures = Pictures(title, words("segments,"), images, words(SEGMENTS_NOTE))
+    text = page.landmarks(result, pictures, out, header, words)
     return Artifacts((*files, "mesh.segments.ply", "landmarks.csv")) + _write_page(out, text, settings.report)
 
 
-def write_study_page(out: Path, result: StudyResult, settings: Settings) -> Artifacts:
+def write_study_page(
+    out: Path, result: StudyResult, settings: Settings, header: ReportHeader = NO_HEADER
+) -> Artifacts:
     """The report of a study, whose trials and picture lie in `out`."""
     if not settings.report.is_full:
         return Artifacts()
-    return _write_page(out, page.study(result, out), settings.report)
+    words = Words(settings.report.language)
+    return _write_page(out, page.study(result, out, header, words), settings.report)
 
 
 def write_analysis(
@@ -147,14 +171,19 @@ def display_mesh(analysis: Analysis) -> DisplayMesh:
 
 
 def _write_deviation(
-    out: Path, aligned: DisplayMesh, deviations: Deviations, settings: ReportSettings
+    out: Path,
+    aligned: DisplayMesh,
+    deviations: Deviations,
+    scale: ColourScale,
+    settings: ReportSettings,
+    words: Words,
 ) -> list[str]:
     """The aligned scan in the colours of its deviation, and the histogram; nothing where no vertex is
     counted.
     """
     if deviations.summary is None:
         return []
-    mesh, scale = aligned.full, colour_scale(deviations)
+    mesh = aligned.full
     colours = scale.colours(deviations.signed_mm, deviations.counted)
     writers.write_mesh(out / "deviation.ply", mesh, colours)
     if not settings.is_full:
@@ -163,7 +192,7 @@ def _write_deviation(
     glb.write_glb(out / "deviation.glb", aligned, colours, deviation_mm=counted_mm)
     weights = mesh.weights() * deviations.counted
     deviation_histogram.write(
-        out / "deviation_histogram.svg", deviations.signed_mm, weights, deviations.summary, scale
+        out / "deviation_histogram.svg", deviations.signed_mm, weights, deviations.summary, scale, words
     )
     return ["deviation.ply", "deviation.glb", "deviation_histogram.svg"]
 
@@ -176,13 +205,13 @@ def _write_page(out: Path, text: str, settings: ReportSettings) -> Artifacts:
     return Artifacts((PAGE,), tuple(notes)) if notes else Artifacts((PAGE, pdf.NAME))
 
 
-def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations) -> Artifacts:
+def _write_three_mf(out: Path, aligned: Mesh, deviations: Deviations, scale: ColourScale) -> Artifacts:
     if aligned.is_cloud:
         detail = (
             f"{ALIGNED_3MF} was not written: the scan is a point cloud, and 3MF holds triangles only; "
             "see aligned.ply"
         )
         return Artifacts(notes=(Note(code="no_three_mf", detail=detail),))
-    colours = colour_scale(deviations).colours(deviations.signed_mm, deviations.counted)
+    colours = scale.colours(deviations.signed_mm, deviations.counted)
     three_mf.write(out / ALIGNED_3MF, aligned, colours, "aligned scan")
     return Artifacts((ALIGNED_3MF,))

@@ -20,8 +20,10 @@ WHITE_M = 88.0
 STEPS = 257
 #: Colour of vertices that are not counted, RGB in [0, 1]; darker than the middle of the map.
 NOT_COUNTED = np.array([0.45, 0.45, 0.45])
-#: Quantile of the absolute deviations that the colour scale covers. Chosen by hand, not fitted.
-LIMIT_QUANTILE = 0.99
+#: Least end of the scale: this many sigmas of the scanner's accuracy (else of the noise of the scan), and
+#: this share of the diagonal of the design. No scan shows less: it is rounding, and arithmetic of distances.
+#: Chosen by hand, not fitted. The page has the same (`service/web/colours.js`).
+RESOLUTION_SIGMAS, RESOLUTION_SHARE = 2.0, 1e-4
 #: White point D65 (XYZ) and the matrix from linear sRGB to XYZ; from the standard IEC 61966-2-1.
 _D65 = np.array([0.95047, 1.0, 1.08883])
 _XYZ_OF_RGB = np.array(
@@ -41,14 +43,11 @@ class ColourScale:
     tolerance_mm: float | None
 
     @classmethod
-    def of(cls, signed_mm: FloatArray, counted: BoolArray, tolerance_mm: float | None) -> "ColourScale":
-        """Scale whose limit is a round number and covers `LIMIT_QUANTILE` of the counted deviations.
-
-        With a tolerance, the limit is at least twice the tolerance. signed_mm, counted : (n,)
+    def of(cls, needed_mm: float, resolution_mm: float, tolerance_mm: float | None) -> "ColourScale":
+        """Scale whose limit is a round number and covers `needed_mm`, the resolution of the scan, and twice
+        the tolerance.
         """
-        sizes = np.abs(signed_mm[counted])
-        needed = float(np.quantile(sizes, LIMIT_QUANTILE)) if sizes.size else 0.0
-        return cls(round_up(max(needed, 2 * (tolerance_mm or 0.0))), tolerance_mm)
+        return cls(round_up(max(needed_mm, resolution_mm, 2 * (tolerance_mm or 0.0))), tolerance_mm)
 
     def colours(self, signed_mm: FloatArray, counted: BoolArray | None = None) -> FloatArray:
         """(n, 3) RGB in [0, 1] of `signed_mm` (n,); vertices that are not `counted` are `NOT_COUNTED`."""
@@ -59,6 +58,14 @@ class ColourScale:
         if counted is not None:
             colours[~counted] = NOT_COUNTED
         return colours
+
+
+def resolution_mm(accuracy_mm: float | None, noise_mm: float | None, diagonal_mm: float) -> float:
+    """What a scan can show at least. accuracy_mm : of the scanner, None: not stated; noise_mm : of the scan,
+    None: not known; diagonal_mm : of the design
+    """
+    sigma_mm = noise_mm if accuracy_mm is None else accuracy_mm
+    return max(RESOLUTION_SIGMAS * (sigma_mm or 0.0), RESOLUTION_SHARE * diagonal_mm)
 
 
 def round_up(value: float) -> float:

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.mesh import FloatArray
-from pipeline.core.results import Deviation
+from pipeline.core.results import DesignSide, Deviation
 from pipeline.report.chart import Chart, Scale, css
 from pipeline.report.colormap import ColourScale
-from pipeline.report.numbers import fixed, signed
+from pipeline.report.words import ENGLISH, Words
 
 #: Bars of the histogram; odd, so that one is centred on zero.
 BINS = 81
@@ -19,21 +19,37 @@ WIDTH, HEIGHT = 518.0, 230.0
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 10.0, 26.0, 38.0
 #: Font size of the names of the percentiles, points.
 MARK_PT = 7.0
+AXIS_LABELS: dict[DesignSide, str] = {
+    "closed": "deviation [mm]: &lt; 0 missing material, &gt; 0 excess material",
+    "open": "deviation [mm]: &lt; 0 below the surface of the design, &gt; 0 above it",
+    "none": "distance from the design [mm], without a sign",
+}
 #: Room above the highest bar, as a factor.
 ROOM = 1.05
 
 
 def write(
-    path: Path, signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale
+    path: Path,
+    signed_mm: FloatArray,
+    weights: FloatArray,
+    summary: Deviation,
+    scale: ColourScale,
+    words: Words = ENGLISH,
 ) -> None:
     """Write the SVG. signed_mm : (n,) mm; weights : (n,) area of each counted vertex, 0 for the others.
 
     The same input gives the same bytes.
     """
-    draw(signed_mm, weights, summary, scale).write(path)
+    draw(signed_mm, weights, summary, scale, words).write(path)
 
 
-def draw(signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: ColourScale) -> Chart:
+def draw(
+    signed_mm: FloatArray,
+    weights: FloatArray,
+    summary: Deviation,
+    scale: ColourScale,
+    words: Words = ENGLISH,
+) -> Chart:
     """The drawing; see `write`."""
     edges = np.linspace(-scale.limit_mm, scale.limit_mm, BINS + 1)
     inside = np.clip(signed_mm, edges[0], edges[-1])  # values beyond the limits go to the last bars
@@ -45,7 +61,11 @@ def draw(signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: 
     )
     chart.grid(vertical=False)
     _draw_bars(chart, edges, percent, scale)
-    for position_mm, name in ((summary.p05_mm, "5 %"), (summary.p50_mm, "median"), (summary.p95_mm, "95 %")):
+    for position_mm, name in (
+        (summary.p05_mm, "5 %"),
+        (summary.p50_mm, words("median")),
+        (summary.p95_mm, "95 %"),
+    ):
         if abs(position_mm) < scale.limit_mm:
             at = float(chart.x(position_mm))
             chart.line(at, chart.y.start, at, chart.y.end, "#333", 0.8, dash="1 1.5")
@@ -55,9 +75,14 @@ def draw(signed_mm: FloatArray, weights: FloatArray, summary: Deviation, scale: 
             at = float(chart.x(side * scale.tolerance_mm))
             chart.line(at, chart.y.start, at, chart.y.end, "#000", 1.0)
     chart.frame(
-        f"mean {signed(summary.mean_mm)} mm, SD {fixed(summary.sd_mm)} mm, RMS {fixed(summary.rms_mm)} mm",
-        "deviation [mm]: &lt; 0 missing material, &gt; 0 excess material",
-        ("share of the area [%]",),
+        words(
+            "mean {mean} mm, SD {sd} mm, RMS {rms} mm",
+            mean=words.signed(summary.mean_mm),
+            sd=words.fixed(summary.sd_mm),
+            rms=words.fixed(summary.rms_mm),
+        ),
+        words(AXIS_LABELS[summary.sign]),
+        (words("share of the area [%]"),),
     )
     return chart
 

@@ -1,10 +1,12 @@
 """glTF binaries for viewers: in metres (required by glTF), decimated if too large, with vertex colours."""
 
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from pipeline.core.mesh import FloatArray, IndexArray, IntArray, Mesh
 from pipeline.kernels import remesh
@@ -15,6 +17,8 @@ M_PER_MM = 1e-3
 BALL_SHARE = 0.006
 BALL_COLOUR = (25, 25, 25)
 NOT_COUNTED = 1e31  # glTF has no NaN
+#: Codes of glTF 2.0: the component type of a float, and the mode of a primitive of points.
+FLOAT, POINTS = 5126, 0
 
 
 class DisplayMesh:
@@ -89,7 +93,27 @@ def write_glb(
     if landmarks_mm is not None and len(landmarks_mm):
         balls = _balls(landmarks_mm, BALL_SHARE * mesh.diagonal_mm)
         scene.add_geometry(balls, node_name="landmarks", geom_name="landmarks")
-    path.write_bytes(scene.export(file_type="glb"))
+    values = extra.get("_DEVIATION_MM") if mesh.is_cloud else None
+    processor = None if values is None else _attribute_of_points("_DEVIATION_MM", values)
+    path.write_bytes(scene.export(file_type="glb", buffer_postprocessor=processor))
+
+
+def _attribute_of_points(name: str, values: npt.NDArray[np.float32]) -> Callable[[Any, Any], None]:
+    """For trimesh, which writes attributes of triangles, but of points only the colours. values : (n,)"""
+
+    def add(buffers: Any, tree: Any) -> None:
+        buffers[name] = values.astype("<f4").tobytes()  # 4 bytes each, as the views must be aligned
+        tree["accessors"][name] = {
+            "bufferView": len(buffers) - 1,
+            "byteOffset": 0,
+            "componentType": FLOAT,
+            "count": len(values),
+            "type": "SCALAR",
+        }
+        (points,) = [each for mesh in tree["meshes"] for each in mesh["primitives"] if each["mode"] == POINTS]
+        points["attributes"][name] = len(tree["accessors"]) - 1
+
+    return add
 
 
 def _balls(centres_mm: FloatArray, radius_mm: float) -> Any:

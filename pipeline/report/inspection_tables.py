@@ -1,9 +1,12 @@
 """The inspection on the report page: the decision, its checks, the extreme places, and which part it was."""
 
+from collections.abc import Mapping
+
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import Check, Decision, Inspection
-from pipeline.report.numbers import millimetres, percent, signed
 from pipeline.report.tables import Table
+from pipeline.report.words import ENGLISH, Words
 
 #: Words and style of the decision box.
 DECISIONS: dict[Decision, tuple[str, str]] = {
@@ -14,85 +17,90 @@ DECISIONS: dict[Decision, tuple[str, str]] = {
 PASSED = {True: "passed", False: "failed", None: "not judged"}
 
 
-def decision_box(inspection: Inspection | None) -> dict[str, object] | None:
+def decision_box(inspection: Inspection | None, words: Words = ENGLISH) -> dict[str, object] | None:
     """What the box says; none in a report of an earlier version."""
     if inspection is None:
         return None
-    words, mood = DECISIONS[inspection.decision]
-    return {"words": words, "mood": mood, "reasons": inspection.reasons, "rule": inspection.rule}
+    said, mood = DECISIONS[inspection.decision]
+    return {"words": words(said), "mood": mood, "reasons": inspection.reasons, "rule": inspection.rule}
 
 
-def check_tables(inspection: Inspection | None) -> list[Table]:
+def check_tables(inspection: Inspection | None, words: Words = ENGLISH) -> list[Table]:
     """The checks with their limits; none without any."""
     if inspection is None or not inspection.checks:
         return []
+    numbers = (words("value"), words("standard error"), words("lower limit"), words("upper limit"))
+    columns = (words("check"), *numbers, words("result"), words("at x, y, z (design), mm"))
     return [
         Table(
-            "Checks",
-            ("check", "value", "standard error", "lower limit", "upper limit", "result", "at, mm (design)"),
-            [_check_row(check) for check in inspection.checks],
-            frozenset({"value", "standard error", "lower limit", "upper limit"}),
-            f"{_patch(inspection)} Decision rule: {inspection.rule}.",
+            words("Checks"),
+            columns,
+            [_check_row(check, words) for check in inspection.checks],
+            frozenset(numbers),
+            f"{_patch(inspection, words)} {words('Decision rule')}: {words(inspection.rule or '-')}.",
         )
     ]
 
 
-def extreme_tables(inspection: Inspection | None) -> list[Table]:
+def extreme_tables(inspection: Inspection | None, words: Words = ENGLISH) -> list[Table]:
     """Where the surface deviates most; none without a pose."""
     if inspection is None or not inspection.extremes:
         return []
+    numbers = (words("deviation, mm"), words("standard error, mm"), words("area, mm²"), words("segment"))
     return [
         Table(
-            "Largest deviations",
-            ("deviation, mm", "standard error, mm", "area, mm²", "segment", "at, mm (design)"),
+            words("Largest deviations"),
+            (*numbers, words("at x, y, z (design), mm")),
             [
                 (
-                    signed(each.value_mm),
-                    _or_dash(each.uncertainty_mm),
-                    f"{each.area_mm2:.3g}",
+                    words.signed(each.value_mm),
+                    "-" if each.uncertainty_mm is None else words.fixed(each.uncertainty_mm),
+                    words.short(each.area_mm2),
                     str(each.segment),
-                    _place(each.position_mm),
+                    words.point(each.position_mm),
                 )
                 for each in inspection.extremes
             ],
-            frozenset({"deviation, mm", "standard error, mm", "area, mm²", "segment"}),
-            f"{_patch(inspection)} The area deviates by at least half as much.",
+            frozenset(numbers),
+            f"{_patch(inspection, words)} {words('The area deviates by at least half as much.')}",
         )
     ]
 
 
-def _patch(inspection: Inspection) -> str:
+def _patch(inspection: Inspection, words: Words) -> str:
     if inspection.patch_mm is None:
         return ""
-    return f"Deviations are medians over patches of {inspection.patch_mm:.3g} mm diameter."
-
-
-def reference_table(reference: Reference | None) -> list[Table]:
-    """Key and value of each that was given."""
-    if reference is None:
-        return []
-    given = reference.model_dump(exclude_none=True, exclude={"more"}) | reference.more
-    rows = [(key.replace("_", " "), value) for key, value in given.items()]
-    return [Table("Part", ("key", "value"), rows)] if rows else []
-
-
-def _check_row(check: Check) -> tuple[str, ...]:
-    def shown(value: float | None) -> str:
-        if value is None:
-            return "-"
-        return percent(value) if check.unit == "1" else f"{signed(value)} mm"
-
-    error = millimetres(check.uncertainty) if check.unit == "mm" else percent(check.uncertainty)
-    place = "-" if check.position_mm is None else _place(check.position_mm)
-    return (
-        *(check.name, shown(check.value), error, shown(check.lower), shown(check.upper)),
-        *(PASSED[check.passed], place),
+    return words(
+        "Medians over patches of {size} mm diameter; min and max are single vertices.",
+        size=words.short(inspection.patch_mm),
     )
 
 
-def _or_dash(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
+def identity(
+    reference: Reference | None, header: ReportHeader, words: Words = ENGLISH
+) -> list[tuple[str, str]]:
+    """Name and value of what tells which part this was, of which files, which job and when."""
+    given: Mapping[str, str] = {}
+    if reference is not None:
+        given = reference.model_dump(exclude_none=True, exclude={"more"}) | reference.more
+    rows = [(words(key.replace("_", " ")), str(value)) for key, value in given.items()]
+    rows += [(words(role), name) for role, name in header.files.items()]
+    if header.created is not None:
+        rows.append((words("date"), words.date(header.created)))
+    if header.job is not None:
+        rows.append((words("job"), header.job))
+    return rows
 
 
-def _place(position_mm: list[float]) -> str:
-    return ", ".join(signed(axis, 2).removeprefix("+") for axis in position_mm)
+def _check_row(check: Check, words: Words) -> tuple[str, ...]:
+    def shown(value: float | None) -> str:
+        if value is None:
+            return "-"
+        return words.percent(value) if check.unit == "1" else f"{words.signed(value)} mm"
+
+    error = words.millimetres(check.uncertainty) if check.unit == "mm" else words.percent(check.uncertainty)
+    place = "-" if check.position_mm is None else words.point(check.position_mm)
+    return (
+        *(words(check.name), shown(check.value), error, shown(check.lower), shown(check.upper)),
+        *(words(PASSED[check.passed]), place),
+    )

@@ -22,5 +22,12 @@ def millimetres(value: float | None, digits: int = 3) -> str:
 
 
 def percent(share: float | None, digits: int = 1) -> str:
-    """A share in [0, 1] as `95.7 %`, or `-` without a value."""
-    return "-" if share is None else f"{fixed(100 * share, digits)} %"
+    """A share in [0, 1] as `95.7 %`, or `-` without a value. `100.0 %` is all, and `0.0 %` nothing: what is
+    nearly so is `> 99.9 %`, `< 0.1 %`.
+    """
+    if share is None:
+        return "-"
+    text, step = fixed(100 * share, digits), 10.0**-digits
+    if share < 1 and text == fixed(100, digits):
+        return f"> {fixed(100 - step, digits)} %"
+    return f"< {fixed(step, digits)} %" if share > 0 and text == fixed(0, digits) else f"{text} %"

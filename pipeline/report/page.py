@@ -1,63 +1,71 @@
 """`report.html`: the result of a job as one self-contained page, without scripts or external resources.
 
-The same input gives the same bytes: the page contains no date and no timings. It prints on A4 with page
-numbers. Order: verdict on the pose, warnings, key figures, colour map of the deviation; then the supporting
-data.
+The same input gives the same bytes: date and job are those that the caller states. It prints on A4 with
+page numbers. Order: which part, decision and verdict, key figures, checks, colour map of the deviation; then
+how it was found.
 """
 
-import os
+from base64 import b64encode
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pipeline.core.mesh import FloatArray, Mesh
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import (
-    Deviation,
+    Finding,
     Input,
     LandmarksResult,
     MadeBy,
     Note,
     RegistrationResult,
+    Scale,
     StudyResult,
     Verdict,
 )
 from pipeline.report import tables
-from pipeline.report.inspection_tables import (
-    check_tables,
-    decision_box,
-    extreme_tables,
-    reference_table,
-)
-from pipeline.report.numbers import fixed, millimetres, percent, signed
-from pipeline.report.render import MARGIN, View, four_views, picture
-from pipeline.report.sections import Drawing, Pictures, Section
+from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, identity
+from pipeline.report.registration_pictures import PageViews
+from pipeline.report.sections import Drawings, Heading, Pictures, Section
+from pipeline.report.words import ENGLISH, Words
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-#: Width and height of a rendered view.
-PICTURE_PX = (520, 380)
+NO_HEADER = ReportHeader()
 MEANING = {
-    "ok": "The alignment is valid and unique. The figures below describe the part.",
-    "uncertain": "A pose was found and it is the best by a clear lead, but the evidence is not enough to "
-    "vouch for it. The findings say what would settle it.",
-    "ambiguous": "Several poses fit the scan equally well, and the data do not show which is correct. "
-    "Check the pose before you use it.",
-    "under_constrained": "The part can move along at least one degree of freedom without a worse fit: "
-    "the pose is one of a continuum. Check it before you use it.",
-    "units_suspect": "The scan fits the design only in another unit of length. "
-    "Submit it again with the correct unit.",
-    "mirrored": "The scan is the mirror image of the design. "
-    "No valid alignment was found, and no deviation is reported.",
-    "no_match": "No valid alignment was found: the scan may show another part, too small a region of "
-    "the part, "
-    "or a failed print or scan. No pose and no deviation are reported.",
+    "ok": "The scan is aligned, and no other pose fits as well.",
+    "uncertain": (
+        "The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on "
+        "it: see the findings."
+    ),
+    "ambiguous": (
+        "Several poses fit equally well, and the scan does not show which is right. Check the pose "
+        "before you use it."
+    ),
+    "under_constrained": (
+        "The part can slide or turn along its own surface without a worse fit: the pose is not unique."
+    ),
+    "units_suspect": "The scan fits only in another unit of length. Send it again with the right unit.",
+    "mirrored": (
+        "The scan is the mirror image of the design. No valid alignment was found, and no deviation is "
+        "reported."
+    ),
+    "no_match": (
+        "No valid alignment was found, and no deviation is reported. The scan shows another part, too "
+        "little of this one, or a failed print."
+    ),
 }
+#: Instead of `ok`, of a design that is its own image.
+MEANING_SYMMETRIC = (
+    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them "
+    "is right. No other pose does."
+)
+#: Statuses without a pose, and findings that are about the best pose that was tried, not about the reason.
+WITHOUT_POSE = frozenset({"mirrored", "no_match"})
+ABOUT_POSE = frozenset(
+    {"free_motion", "symmetric_design", "rival_pose", "weakly_constrained", "few_landmarks", "not_converged"}
+)
 #: Digits of an input's SHA-256 in the footer.
 HASH_DIGITS = 12
 #: Style of the verdict box by status; "bad" for the others.
@@ -70,139 +78,169 @@ MOODS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class PageViews:
-    """The rendered views of a registration.
-
-    placed : the scan under its pose, or under the best rejected pose; None if no distances were measured;
-    parts : both meshes with segments and landmarks; sizes : one sentence about the sizes of both
-    """
-
-    placed: Pictures | None
-    parts: Pictures
-    sizes: str
-
-
-def render_views(
-    mesh: Mesh, colours: FloatArray, like: Mesh, *, count: int = 4, landmarks_mm: FloatArray | None = None
-) -> list[tuple[str, bytes]]:
-    """(caption, PNG) of the first `count` of the four views of `like`, with both meshes inside the picture.
-
-    colours : (n, 3) in [0, 1] of the vertices of `mesh`; like : a mesh in the same frame, which defines the
-    view directions; landmarks_mm : (m, 3), drawn as dots. The caption gives the width of the picture in mm.
-    """
-    frame = like.vertices if mesh is like else np.concatenate([like.vertices, mesh.vertices])
-
-    def rendered(view: View) -> tuple[str, bytes]:
-        data = picture(mesh, colours, view, frame, *PICTURE_PX, landmarks_mm=landmarks_mm)
-        return f"{view.name}; the picture is {_width_mm(view, frame):.3g} mm wide", data
-
-    # The kernel that draws and the compression both work without the interpreter's lock.
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-        return list(threads.map(rendered, four_views(like)[:count]))
-
-
-def _width_mm(view: View, frame: FloatArray) -> float:
-    """The extent in mm that `picture` fits into the width of the picture."""
-    width, height = np.ptp(frame @ view.axes[:2].T, axis=0)
-    return float(MARGIN * max(width, height * PICTURE_PX[0] / PICTURE_PX[1]))
-
-
-def registration(result: RegistrationResult, views: PageViews, out: Path) -> str:
+def registration(
+    result: RegistrationResult,
+    views: PageViews,
+    out: Path,
+    header: ReportHeader = NO_HEADER,
+    words: Words = ENGLISH,
+) -> str:
     """The page of a registration; the drawings are read from `out`."""
     deviation, has_pose = result.deviation, result.transform is not None
-    sections: list[Section] = [*reference_table(result.reference), *check_tables(result.inspection)]
+    sections: list[Section] = [*check_tables(result.inspection, words)]
     sections += [] if views.placed is None else [views.placed]
-    sections += extreme_tables(result.inspection)
     if deviation is not None:
-        sections += _drawing(out, "Histogram of the deviation", "deviation_histogram.svg")
-        sections += [tables.both_ways(deviation, result.deviation_of_design, result.metrics)]
-        sections += tables.by_segment(deviation.by_segment)
-    sections += tables.pose(result.transform)
-    sections += [tables.registration(result)]
-    sections += tables.alternatives(result.alternatives, rejected=not has_pose)
-    sections += [views.parts]
-    sections += _drawing(out, "Decision graph of the design", "design.decision_graph.svg")
-    sections += _drawing(out, "Decision graph of the scan", "scan.decision_graph.svg")
-    counted = (
-        f"{len(result.landmarks.design)} landmarks on the design and {len(result.landmarks.scan)} on the scan"
+        sections += _drawings(out, words("Histogram of the deviation"), ("deviation_histogram.svg",))
+    sections += [] if views.sections is None else [views.sections]
+    sections += extreme_tables(result.inspection, words)
+    if deviation is not None:
+        sections += [tables.both_ways(deviation, result.deviation_of_design, words)]
+        sections += tables.by_segment(deviation.by_segment, words)
+    matched = f", {words('{count} matched', count=len(result.landmarks.matches))}" if has_pose else ""
+    note = words(
+        "{design} landmarks on the design, {scan} on the scan",
+        design=len(result.landmarks.design),
+        scan=len(result.landmarks.scan),
     )
+    sections += [Heading(words("How it was found"), f"{views.sizes} {note}{matched}.")]
+    sections += tables.pose(result.transform, words)
+    sections += [tables.registration(result, words)]
+    sections += tables.alternatives(result.alternatives, rejected=not has_pose, words=words)
+    sections += [views.parts]
+    graphs = ("design.decision_graph.svg", "scan.decision_graph.svg")
+    sections += _drawings(out, words("Decision graphs"), graphs)
     return _render(
-        *("Registration of a scan to its design", sections, result.warnings),
+        *(words("Inspection report"), sections, result.warnings),
         inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
         made_by=result.provenance,
-        subtitle=f"{views.sizes} {counted}, {len(result.landmarks.matches)} matched."
-        if has_pose
-        else f"{views.sizes} {counted}.",
+        subtitle=words("Scan of a printed part, registered to its design"),
         verdict=result.verdict,
-        decision=decision_box(result.inspection),
-        tiles=_key_figures(result, deviation),
+        decision=decision_box(result.inspection, words),
+        tiles=_key_figures(result, words),
+        facts=identity(result.reference, header, words),
+        header=header,
+        words=words,
     )
 
 
-def landmarks(result: LandmarksResult, pictures: Pictures, out: Path) -> str:
+def landmarks(
+    result: LandmarksResult,
+    pictures: Pictures,
+    out: Path,
+    header: ReportHeader = NO_HEADER,
+    words: Words = ENGLISH,
+) -> str:
     """The page of a landmarks job."""
     segments, count = result.segments.mesh, len(result.landmarks.mesh)
-    drawings = _drawing(out, "Decision graph", "mesh.decision_graph.svg")
+    drawings = _drawings(out, words("Decision graph"), ("mesh.decision_graph.svg",))
     return _render(
-        "Segments and landmarks",
-        [pictures, *drawings, tables.segments(segments), tables.landmarks(result)],
+        words("Segments and landmarks"),
+        [pictures, *drawings, tables.segments(segments, words), tables.landmarks(result, words)],
         result.warnings,
         inputs={"mesh": result.provenance.inputs.mesh},
         made_by=result.provenance,
-        subtitle=f"{segments.count} segments, {count} landmarks",
+        subtitle=words(
+            "{segments} segments, {landmarks} landmarks", segments=segments.count, landmarks=count
+        ),
+        facts=identity(None, header, words),
+        header=header,
+        words=words,
     )
 
 
-def study(result: StudyResult, out: Path) -> str:
+def study(result: StudyResult, out: Path, header: ReportHeader = NO_HEADER, words: Words = ENGLISH) -> str:
     """The page of a study."""
     return _render(
-        *(f"Study: {result.protocol.kind}", _drawing(out, "Result", "study.svg", full=True), result.warnings),
+        words("Study: {kind}", kind=result.protocol.kind),
+        _drawings(out, words("Result"), ("study.svg",), full=True),
+        result.warnings,
         inputs={"mesh": result.provenance.inputs.mesh},
         made_by=result.provenance,
-        subtitle="How useful the landmarks are for registration",
+        subtitle=words("How useful the landmarks are for registration"),
         paragraph=result.summary,
+        facts=identity(None, header, words),
+        header=header,
+        words=words,
     )
 
 
-def _key_figures(result: RegistrationResult, deviation: Deviation | None) -> list[tuple[str, str]]:
-    """(label, value) of the deviation; the share within the tolerance comes first."""
+def _key_figures(result: RegistrationResult, words: Words) -> list[tuple[str, str, str]]:
+    """(label, value, more) of the deviation, as on the first screen of the page."""
+    deviation = result.deviation
     if deviation is None:
         return []
-    within = []
-    if deviation.within is not None and deviation.tolerance_mm is not None:
-        label = f"of the area within ±{deviation.tolerance_mm:g} mm"
-        within = [(label, percent(deviation.within))]
+    within = words("no tolerance") if deviation.within is None else words.percent(deviation.within)
+    label = words("within tolerance")
+    if deviation.tolerance_mm is not None:
+        label = words("within ±{size} mm", size=words.local(f"{deviation.tolerance_mm:g}"))
+    seen = result.deviation_of_design
+    coverage = result.metrics.design_coverage if seen is None else seen.seen
     return [
-        *within,
-        ("RMS deviation", millimetres(deviation.rms_mm)),
-        ("mean (SD) deviation", f"{signed(deviation.mean_mm)} ({fixed(deviation.sd_mm)}) mm"),
-        ("98 % of the area", f"{signed(deviation.p01_mm)} to {signed(deviation.p99_mm)} mm"),
-        ("of the design covered", percent(result.metrics.design_coverage, 0)),
+        ("min", f"{words.signed(deviation.min_mm)} mm", ""),
+        ("max", f"{words.signed(deviation.max_mm)} mm", ""),
+        (label, within, ""),
+        ("RMS", words.millimetres(deviation.rms_mm), ""),
+        (words("mean"), f"{words.signed(deviation.mean_mm)} mm", ""),
+        ("SD", words.millimetres(deviation.sd_mm), ""),
+        (words("coverage of the design"), words.percent(coverage), ""),
+        *_sizes(result.scale, words),
     ]
 
 
-def _verdict(verdict: Verdict) -> dict[str, object]:
+def _sizes(scale: Scale | None, words: Words) -> list[tuple[str, str, str]]:
+    """The size of the scan over that of the design, and what a slicer asks for to make up for it."""
+    if scale is None or scale.isotropic is None:
+        return []
+
+    def by_axis(text: list[str]) -> str:
+        return " ".join(f"{axis} {each}" for axis, each in zip("xyz", text, strict=True))
+
+    axes = scale.per_axis or []
+    changes = [f"{words.signed(100 * (each - 1), 2)} %" for each in (scale.isotropic, *axes)]
+    factors = [f"{words.fixed(100 / each, 2)} %" for each in (scale.isotropic, *axes)]
+    return [
+        (words("size of the scan"), changes[0], by_axis(changes[1:]) if axes else ""),
+        (
+            words("scale to set in the slicer (not applied)"),
+            factors[0],
+            by_axis(factors[1:]) if axes else "",
+        ),
+    ]
+
+
+def _verdict(verdict: Verdict, words: Words) -> dict[str, object]:
+    folded = ABOUT_POSE if verdict.status in WITHOUT_POSE else frozenset()
+    is_symmetric = any(each.code == "symmetric_design" for each in verdict.findings)
+    meaning = MEANING_SYMMETRIC if verdict.status == "ok" and is_symmetric else MEANING[verdict.status]
     return {
-        "status": verdict.status.replace("_", " "),
+        "status": words(verdict.status.replace("_", " ")),
         "mood": MOODS.get(verdict.status, "bad"),
-        "confidence": _confidence(verdict.confidence),
-        "why": tables.evidence(verdict),
-        "sentence": MEANING[verdict.status],
-        "findings": [(each.code, each.detail) for each in verdict.findings],
+        "confidence": _confidence(verdict.confidence, words),
+        "why": tables.evidence(verdict, words),
+        "sentence": words(meaning),
+        # Without a pose the reason comes first; what is said of the rejected pose is not the reason.
+        "findings": _findings(
+            [each for each in verdict.findings if not folded or each.code not in ABOUT_POSE]
+        ),
+        "about": _findings([each for each in verdict.findings if folded and each.code in ABOUT_POSE]),
     }
 
 
-def _confidence(value: float | None) -> str:
+def _findings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
+    return [(each.code, each.detail.replace("mm^2", "mm²")) for each in findings]
+
+
+def _confidence(value: float | None, words: Words) -> str:
     """Nothing without a pose, which has confidence 0."""
     if value is None:
-        return f"confidence {tables.NOT_GIVEN}"
-    return f"confidence {value:.2f} (0 to 1)" if value > 0 else ""
+        return f"{words('confidence')} {words(tables.NOT_GIVEN)}"
+    return f"{words('confidence')} {words.fixed(value, 2)} ({words('0 to 1')})" if value > 0 else ""
 
 
-def _drawing(out: Path, title: str, name: str, *, full: bool = False) -> list[Drawing]:
-    """The SVG file `name` of the folder `out`; nothing if the job did not write it."""
-    return [Drawing(title, (out / name).read_bytes(), full)] if (out / name).exists() else []
+def _drawings(out: Path, title: str, names: Sequence[str], *, full: bool = False) -> list[Drawings]:
+    """The SVG files of the folder `out`; nothing if the job did not write them."""
+    found = [("", (out / name).read_bytes()) for name in names if (out / name).exists()]
+    return [Drawings(title, found, full=full)] if found else []
 
 
 @cache
@@ -231,20 +269,30 @@ def _render(
     verdict: Verdict | None = None,
     decision: dict[str, object] | None = None,
     paragraph: str = "",
-    tiles: Sequence[tuple[str, str]] = (),
+    tiles: Sequence[tuple[str, str, str]] = (),
+    facts: Sequence[tuple[str, str]] = (),
+    header: ReportHeader = NO_HEADER,
+    words: Words = ENGLISH,
 ) -> str:
     """The HTML. inputs : by name; the footer of each printed page gives the first digits of their hashes"""
-    files = ", ".join(f"{name} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
+    files = ", ".join(f"{words(name)} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
+    logo = ""
+    if header.logo is not None:
+        logo = f"data:{header.logo_type};base64,{b64encode(header.logo).decode()}"
     page = template().render(
         title=title,
         subtitle=subtitle,
-        verdict=None if verdict is None else _verdict(verdict),
+        verdict=None if verdict is None else _verdict(verdict, words),
         decision=decision,
         paragraph=paragraph,
         tiles=tiles,
+        facts=facts,
+        company=header.company,
+        logo=logo,
         warnings=warnings,
-        sections=[*sections, tables.provenance(inputs, made_by)],
+        sections=[*sections, tables.provenance(inputs, made_by, words)],
         foot=f"{files}; Cusp {made_by.version}",
+        words=words,
         zip=zip,
     )
     return page + "\n"

@@ -23,6 +23,12 @@ PNG_LEVEL = 3
 OVERSAMPLE = 2
 #: Side of the square of a point of a point cloud, pixels.
 POINT_PX = 3
+#: Colour of the backs of the faces of an open surface, RGB in [0, 1], and its share in what is drawn; as on
+#: the page (`service/web/geometry.js`).
+BACK_COLOUR, BACK_SHARE = np.array([0.28, 0.31, 0.36]), 0.75
+#: Colour of the design under the points of a cloud, RGB in [0, 1]; how far (share of the picture's width) a
+#: point may lie below it and still be drawn.
+UNDER_COLOUR, UNDER_SHARE = np.array([0.55, 0.59, 0.65]), 0.01
 #: Radius of a landmark, pixels, and its colour, RGB in [0, 1].
 DOT_PX = 3.5
 DOT_COLOUR = np.array([0.08, 0.08, 0.08])
@@ -43,20 +49,54 @@ class View:
         return cls(name, np.stack([x, np.cross(z, x), z]))
 
 
-def four_views(mesh: Mesh) -> list[View]:
-    """Views of both flat sides of the part and two oblique views, along its principal axes."""
-    weights = mesh.weights()
-    centred = mesh.vertices - np.average(mesh.vertices, axis=0, weights=weights)
-    _, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", weights, centred, centred))
-    flat, middle, long = axes.T  # ascending
-    flat, middle = (axis * np.sign(axis[np.abs(axis).argmax()]) for axis in (flat, middle))
-    long = np.cross(middle, flat)
-    return [
-        View.along("from above", flat, middle),
-        View.along("from below", -flat, middle),
-        View.along("oblique, front", 0.55 * flat - 0.8 * middle + 0.3 * long, flat),
-        View.along("oblique, back", 0.55 * flat + 0.8 * middle - 0.3 * long, flat),
-    ]
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """Where a picture shows what. centre : (3,) in the frame of the view; width, height : pixels"""
+
+    view: View
+    centre: FloatArray
+    mm_per_px: float
+    width: int
+    height: int
+
+    @classmethod
+    def of(cls, view: View, frame: FloatArray, width: int, height: int, foot: int = 0) -> "Framing":
+        """All points of `frame` (k, 3) mm are inside the picture, `foot` pixels above its lower edge."""
+        in_view = frame @ view.axes.T
+        low, high = in_view.min(axis=0), in_view.max(axis=0)
+        mm_per_px = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / (height - foot), 1e-9)
+        centre = (low + high) / 2
+        centre[1] -= foot / 2 * mm_per_px
+        return cls(view, centre, float(mm_per_px), width, height)
+
+    def pixel(self, point: FloatArray) -> tuple[float, float, float]:
+        """Column, row and height (mm, towards the viewer) of a point (3,)."""
+        at = self.view.axes @ point
+        column = (at[0] - self.centre[0]) / self.mm_per_px + (self.width - 1) / 2
+        return float(column), float((self.centre[1] - at[1]) / self.mm_per_px + (self.height - 1) / 2), at[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """image : (h, w, 3) RGB in [0, 1]; depth : (h', w') mm towards the viewer, -inf where nothing is; finer
+    than the image by a whole factor; None for a point cloud
+    """
+
+    framing: Framing
+    image: FloatArray
+    depth: FloatArray | None
+
+    def shows(self, point: FloatArray, slack_mm: float) -> bool:
+        """Whether no surface hides a point (3,) by more than `slack_mm`; True of a cloud."""
+        if self.depth is None:
+            return True
+        column, row, height = self.framing.pixel(point)
+        factor = self.depth.shape[1] // self.framing.width
+        at_row, at_column = (
+            int(np.clip(round(factor * x), 0, size - 1))
+            for x, size in zip((row, column), self.depth.shape, strict=True)
+        )
+        return bool(self.depth[at_row, at_column] <= height + slack_mm)
 
 
 def picture(
@@ -69,19 +109,37 @@ def picture(
     *,
     landmarks_mm: FloatArray | None = None,
 ) -> bytes:
-    """PNG of the mesh. colours : (n, 3) RGB in [0, 1] of the vertices; frame : (k, 3) mm, points that must
-    all be in the picture; width, height : pixels; landmarks_mm : (m, 3) points on the surface, drawn as dots
-    where they are visible
+    """PNG of `rendered`."""
+    framing = Framing.of(view, frame, width, height)
+    return png(rendered(mesh, colours, framing, landmarks_mm=landmarks_mm).image)
+
+
+def rendered(
+    mesh: Mesh,
+    colours: FloatArray,
+    framing: Framing,
+    *,
+    landmarks_mm: FloatArray | None = None,
+    fronts: int = 0,
+    under: Mesh | None = None,
+) -> Rendered:
+    """The mesh. colours : (n, 3) RGB in [0, 1] of the vertices; landmarks_mm : (m, 3) points on the surface,
+    drawn as dots where they are visible; fronts : 1 shades the backs of the faces, -1 their fronts, 0
+    neither; under : of a cloud, the surface that hides what lies behind it
     """
-    in_view = frame @ view.axes.T
-    low, high = in_view.min(axis=0), in_view.max(axis=0)
-    centre = (low + high) / 2
-    mm_per_px = MARGIN * max((high[0] - low[0]) / width, (high[1] - low[1]) / height, 1e-9)
     if mesh.is_cloud:
-        image = _splatted(mesh.vertices @ view.axes.T, colours, centre, mm_per_px, width, height)
-    else:
-        image = _drawn(mesh, colours, view, centre, mm_per_px, width, height, landmarks_mm)
-    return png(image)
+        return _splatted(mesh.vertices @ framing.view.axes.T, colours, framing, under)
+    if fronts:
+        mesh, colours = _with_backs(mesh, colours, framing.view, fronts)
+    return Rendered(framing, *_drawn(mesh, colours, framing, landmarks_mm))
+
+
+def _with_backs(mesh: Mesh, colours: FloatArray, view: View, fronts: int) -> tuple[Mesh, FloatArray]:
+    """The faces that show their back have vertices of their own, of another colour."""
+    is_back = fronts * (mesh.face_cross_mm2() @ view.axes[2]) < 0
+    faces = mesh.faces + (len(mesh.vertices) * is_back[:, None]).astype(mesh.faces.dtype)
+    backs = (1 - BACK_SHARE) * colours + BACK_SHARE * BACK_COLOUR
+    return Mesh(np.concatenate([mesh.vertices, mesh.vertices]), faces), np.concatenate([colours, backs])
 
 
 def png(image: FloatArray) -> bytes:
@@ -95,15 +153,10 @@ def png(image: FloatArray) -> bytes:
 
 
 def _drawn(
-    mesh: Mesh,
-    colours: FloatArray,
-    view: View,
-    centre: FloatArray,
-    mm_per_px: float,
-    width: int,
-    height: int,
-    landmarks_mm: FloatArray | None,
-) -> FloatArray:
+    mesh: Mesh, colours: FloatArray, framing: Framing, landmarks_mm: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    view, centre, mm_per_px = framing.view, framing.centre, framing.mm_per_px
+    width, height = framing.width, framing.height
     w, h, step = width * OVERSAMPLE, height * OVERSAMPLE, mm_per_px / OVERSAMPLE
     left, top = float(centre[0] - (w - 1) / 2 * step), float(centre[1] + (h - 1) / 2 * step)
     image, depth = raster.draw(
@@ -133,20 +186,26 @@ def _drawn(
     total = flat[:, ::OVERSAMPLE].copy()
     for j in range(1, OVERSAMPLE):
         total += flat[:, j::OVERSAMPLE]
-    return np.asarray(total / OVERSAMPLE**2, dtype=np.float64)
+    return np.asarray(total / OVERSAMPLE**2, dtype=np.float64), depth
 
 
-def _splatted(
-    in_view: FloatArray, colours: FloatArray, centre: FloatArray, mm_per_px: float, width: int, height: int
-) -> FloatArray:
-    image = np.full((height, width, 3), BACKGROUND)
-    order = np.argsort(in_view[:, 2], kind="stable")  # the points nearest to the viewer are drawn last
-    column = np.rint((in_view[order, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
-    row = np.rint((centre[1] - in_view[order, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+def _splatted(in_view: FloatArray, colours: FloatArray, framing: Framing, under: Mesh | None) -> Rendered:
+    centre, mm_per_px, width, height = framing.centre, framing.mm_per_px, framing.width, framing.height
+    image, depth = np.full((height, width, 3), BACKGROUND), None
+    if under is not None:
+        image, depth = _drawn(under, np.tile(UNDER_COLOUR, (len(under.vertices), 1)), framing, None)
+    column = np.rint((in_view[:, 0] - centre[0]) / mm_per_px + (width - 1) / 2).astype(np.int64)
+    row = np.rint((centre[1] - in_view[:, 1]) / mm_per_px + (height - 1) / 2).astype(np.int64)
+    shown = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    if depth is not None:
+        at = depth[OVERSAMPLE * row.clip(0, height - 1), OVERSAMPLE * column.clip(0, width - 1)]
+        shown &= in_view[:, 2] > at - UNDER_SHARE * width * mm_per_px
+    order = np.flatnonzero(shown)
+    order = order[np.argsort(in_view[order, 2], kind="stable")]  # the nearest to the viewer are drawn last
     half = POINT_PX // 2
     for down in range(-half, half + 1):
         for across in range(-half, half + 1):
-            r, c = row + down, column + across
+            r, c = row[order] + down, column[order] + across
             inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
             image[r[inside], c[inside]] = colours[order][inside]
-    return image
+    return Rendered(framing, image, depth)

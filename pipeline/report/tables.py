@@ -13,7 +13,6 @@ from pipeline.core.results import (
     Input,
     LandmarksResult,
     MadeBy,
-    Metrics,
     RegistrationResult,
     ScanQuality,
     SegmentDeviation,
@@ -22,7 +21,7 @@ from pipeline.core.results import (
     Verdict,
 )
 from pipeline.report import palette
-from pipeline.report.numbers import fixed, millimetres, percent, signed
+from pipeline.report.words import ENGLISH, Words
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,15 @@ class Table:
     kind: str = "table"  # of section, for the template
 
 
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A sentence with its title before it."""
+
+    title: str
+    text: str
+    kind: str = "line"
+
+
 #: The two probabilities of a verdict: field, and what each is of.
 PROBABILITIES = (
     ("same_part", "probability that the scan is of this design"),
@@ -48,215 +56,235 @@ PROBABILITIES = (
 NOT_GIVEN = "not given"
 
 
-def evidence(verdict: Verdict) -> list[Table]:
+def evidence(verdict: Verdict, words: Words = ENGLISH) -> list[Table]:
     """One table for each of the two probabilities; none for a verdict without evidence."""
     if not verdict.evidence:
         return []
-    columns = ("evidence", "value", "weight", "contribution", "what it measures")
-    numbers = frozenset(columns[1:4])
+    columns = tuple(words(name) for name in ("evidence", "value", "weight", "contribution"))
+    columns = (*columns, words("what it measures"))
     return [
         Table(
-            f"{of.replace('_', ' ')}: {probability(getattr(verdict, of))}",
+            f"{words(of.replace('_', ' '))}: {probability(getattr(verdict, of), words)}",
             columns,
-            [_evidence_row(each) for each in verdict.evidence if each.of == of],
-            numbers,
-            note,
+            [_evidence_row(each, words) for each in verdict.evidence if each.of == of],
+            frozenset(columns[1:4]),
+            words(note),
         )
         for of, note in PROBABILITIES
     ]
 
 
-def _evidence_row(each: Evidence) -> tuple[str, ...]:
-    amount = signed(each.contribution, 2)
-    side = "neither" if not amount.strip("0.") else "for" if each.contribution > 0 else "against"
+def _evidence_row(each: Evidence, words: Words) -> tuple[str, ...]:
+    amount = words.signed(each.contribution, 2)
+    is_zero = abs(each.contribution) < 0.005
+    side = words("neither") if is_zero else words("for") if each.contribution > 0 else words("against")
     name = each.name.replace("_", " ")
-    return (name, fixed(each.value, 2), fixed(each.weight, 2), f"{side} {amount}", each.detail)
+    return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", each.detail)
 
 
-def probability(value: float | None) -> str:
+def probability(value: float | None, words: Words = ENGLISH) -> str:
     """`0.97`; null where the settings differ from those that the models were fitted with."""
-    return NOT_GIVEN if value is None else f"{value:.2f}"
+    return words(NOT_GIVEN) if value is None else words.fixed(value, 2)
 
 
-def both_ways(scan: Deviation, design: DesignDeviation | None, metrics: Metrics) -> Table:
+def both_ways(scan: Deviation, design: DesignDeviation | None, words: Words = ENGLISH) -> Table:
     """Deviation statistics in both directions: over the scan's vertices, and over the design's."""
-    overlap = (
-        None
-        if metrics.scan_overlap is None
-        else f"{percent(metrics.scan_overlap)} within the inlier distance"
-    )
-    coverage = None if design is None else f"{percent(design.seen)} covered by the scan"
+
+    def both(low: float, high: float) -> str:
+        return f"{words.signed(low)} {words('to')} {words.signed(high)} mm"
+
     statistics: list[tuple[str, Callable[[Distances], str]]] = [
-        ("vertices counted", lambda each: str(each.n)),
-        ("mean (SD)", lambda each: f"{signed(each.mean_mm)} ({fixed(each.sd_mm)}) mm"),
-        ("RMS", lambda each: millimetres(each.rms_mm)),
-        ("1 % to 99 % quantile", lambda each: f"{signed(each.p01_mm)} to {signed(each.p99_mm)} mm"),
-        ("min, max", lambda each: f"{signed(each.min_mm)}, {signed(each.max_mm)} mm"),
-        ("within, above, below the tolerance", _by_tolerance),
+        (words("vertices counted"), lambda each: str(each.n)),
+        (words("mean (SD)"), lambda each: f"{words.signed(each.mean_mm)} ({words.fixed(each.sd_mm)}) mm"),
+        ("RMS", lambda each: words.millimetres(each.rms_mm)),
+        (words("1 % to 99 % quantile"), lambda each: both(each.p01_mm, each.p99_mm)),
+        (words("min to max"), lambda each: both(each.min_mm, each.max_mm)),
+        (words("within, above, below the tolerance"), lambda each: _by_tolerance(each, words)),
     ]
     rows: list[tuple[str, ...]] = [
-        ("area", overlap or "-", coverage or "-"),
-        *((name, text(scan), "-" if design is None else text(design)) for name, text in statistics),
+        (name, text(scan), "-" if design is None else text(design)) for name, text in statistics
     ]
-    return Table(
-        "Deviation in both directions",
-        ("", "scan to design", "design to scan"),
-        rows,
-        frozenset({"scan to design", "design to scan"}),
-        "The distances from the design to the scan show missing regions: a broken piece or a filled hole.",
-    )
+    if design is not None:
+        rows.insert(0, (words("share of the design that is counted"), "", words.percent(design.seen)))
+    columns = ("", words("scan to design"), words("design to scan"))
+    note = words("From the design to the scan it shows what is missing: a broken piece, or a filled hole.")
+    return Table(words("Deviation in both directions"), columns, rows, frozenset(columns[1:]), note)
 
 
-def _by_tolerance(distances: Distances) -> str:
+def _by_tolerance(distances: Distances, words: Words) -> str:
     if distances.within is None or distances.above is None or distances.below is None:
-        return "no tolerance was specified"
-    return f"{percent(distances.within)}, {percent(distances.above)}, {percent(distances.below)}"
+        return words("no tolerance was given")
+    return " / ".join(words.percent(share) for share in (distances.within, distances.above, distances.below))
 
 
-def by_segment(deviations: Sequence[SegmentDeviation]) -> list[Table]:
+def by_segment(deviations: Sequence[SegmentDeviation], words: Words = ENGLISH) -> list[Table]:
     """One row for each segment of the design; no table without segments."""
     if not deviations:
         return []
-    columns = ("segment", "vertices", "mean, mm", "SD, mm", "RMS, mm", "min, mm", "max, mm")
+    columns = (
+        *(words("segment"), words("vertices"), words("mean, mm"), words("SD, mm"), words("RMS, mm")),
+        *(words("min, mm"), words("max, mm")),
+    )
     rows = [
         (
-            *(each.segment, each.n, signed(each.mean_mm), fixed(each.sd_mm), fixed(each.rms_mm)),
-            *(signed(each.min_mm), signed(each.max_mm)),
+            *(each.segment, each.n, words.signed(each.mean_mm)),
+            *(words.fixed(each.sd_mm), words.fixed(each.rms_mm)),
+            *(words.signed(each.min_mm), words.signed(each.max_mm)),
         )
         for each in deviations
     ]
-    note = (
-        "Area-weighted statistics of the scan's vertices, by the segment of the closest design point. "
-        "The colours match the pictures of the segments."
-    )
+    note = words("Of the scan's vertices, by area, by the segment of the nearest design point.")
     colours = [hex_of(palette.of_segment(each.segment)) for each in deviations]
-    return [Table("Deviation by segment of the design", columns, rows, frozenset(columns[1:]), note, colours)]
+    title = words("Deviation by segment of the design")
+    return [Table(title, columns, rows, frozenset(columns[1:]), note, colours)]
 
 
-def pose(transform: Transform | None) -> list[Table]:
+def pose(transform: Transform | None, words: Words = ENGLISH) -> list[Table]:
     """The matrix; no table without a pose."""
     if transform is None:
         return []
-    rows = [[fixed(value, 6) for value in row[:3]] + [fixed(row[3], 4)] for row in transform.matrix]
-    columns = ("x", "y", "z", "translation, mm")
-    note = (
-        f"{transform.convention}: a rotation by {fixed(transform.rotation_deg)}° and a translation, in mm. "
-        "results.json contains the matrix in full precision and in the units of the files."
+    rows = [
+        [words.fixed(value, 6) for value in row[:3]] + [words.fixed(row[3], 4)]
+        for row in transform.matrix[:3]
+    ]
+    columns = ("x", "y", "z", words("translation, mm"))
+    note = words(
+        "{convention}: a rotation by {angle}° and a translation. results.json has it in full precision, and "
+        "in the units of the files.",
+        convention=transform.convention,
+        angle=words.fixed(transform.rotation_deg),
     )
-    return [Table("Pose of the scan relative to the design", columns, rows, frozenset(columns), note)]
+    return [Table(words("Pose of the scan on the design"), columns, rows, frozenset(columns), note)]
 
 
-def registration(result: RegistrationResult) -> Table:
+def registration(result: RegistrationResult, words: Words = ENGLISH) -> Table:
     """The RMSEs of the four poses, and the figures that belong to them."""
     metrics = result.metrics
     rows = [
-        ("RMSE as uploaded", millimetres(metrics.rmse_initial_mm)),
-        ("RMSE of the landmark alignment", millimetres(metrics.rmse_landmarks_mm)),
-        ("RMSE of ICP of the complete shape, without landmarks", millimetres(metrics.rmse_complete_mm)),
-        ("K, the ratio of the two", "-" if metrics.k_ratio is None else f"{metrics.k_ratio:.3g}"),
-        ("RMSE of the final pose", millimetres(metrics.rmse_mm)),
-        ("scan within the inlier distance", percent(metrics.fitness)),
-        ("inlier distance", millimetres(metrics.inlier_distance_mm)),
+        (words("RMSE as uploaded"), words.millimetres(metrics.rmse_initial_mm)),
+        (words("RMSE of the landmark alignment"), words.millimetres(metrics.rmse_landmarks_mm)),
+        (
+            words("RMSE of ICP of the complete shape, without landmarks"),
+            words.millimetres(metrics.rmse_complete_mm),
+        ),
+        (
+            words("K, the ratio of the two"),
+            "-" if metrics.k_ratio is None else words.short(metrics.k_ratio),
+        ),
+        (words("RMSE of the final pose"), words.millimetres(metrics.rmse_mm)),
+        (words("inlier distance"), words.millimetres(metrics.inlier_distance_mm)),
+        (words("share of the scan within it"), words.percent(metrics.fitness)),
+        (words("the same, not at open borders"), words.percent(metrics.scan_overlap)),
+        (words("share of the design within it of the scan"), words.percent(metrics.design_coverage)),
     ]
     if result.scale is not None:
-        size = "-" if result.scale.isotropic is None else fixed(result.scale.isotropic, 5)
-        rows.append(("scale of the scan relative to the design (not applied)", size))
-        rows.append(("residual deformation", millimetres(result.scale.warp_mm)))
+        rows.append((words("residual deformation"), words.millimetres(result.scale.warp_mm)))
     if result.scan is not None:
-        rows += _scan_quality(result.scan)
-    note = "RMSE: area-weighted, over every vertex of the cleaned scan, without excluding outliers."
-    return Table("Registration", ("quantity", "value"), rows, frozenset({"value"}), note)
+        rows += _scan_quality(result.scan, words)
+    note = words("RMSE: area-weighted, over every vertex of the cleaned scan, without excluding outliers.")
+    value = words("value")
+    return Table(words("Registration"), (words("quantity"), value), rows, frozenset({value}), note)
 
 
-def _scan_quality(scan: ScanQuality) -> list[tuple[str, str]]:
-    accuracy = "not stated" if scan.accuracy_mm is None else f"{scan.accuracy_mm:g} mm"
+def _scan_quality(scan: ScanQuality, words: Words) -> list[tuple[str, str]]:
+    accuracy = words("not stated") if scan.accuracy_mm is None else f"{words.short(scan.accuracy_mm)} mm"
     return [
-        ("noise of the scan (1 sigma, from local surface fits)", millimetres(scan.noise_mm)),
-        ("stated accuracy of the scanner (1 sigma)", accuracy),
-        ("residual limit for the verdict ok", millimetres(scan.residual_limit_mm)),
-        ("share of the scan left out as stray pieces", percent(scan.left_out_share)),
+        (words("noise of the scan (1 sigma, from local surface fits)"), words.millimetres(scan.noise_mm)),
+        (words("stated accuracy of the scanner (1 sigma)"), accuracy),
+        (words("residual limit for the verdict ok"), words.millimetres(scan.residual_limit_mm)),
+        (words("share of the scan left out as stray pieces"), words.percent(scan.left_out_share)),
     ]
 
 
-def alternatives(poses: Sequence[Alternative], *, rejected: bool) -> list[Table]:
-    """Alternative poses. rejected : no valid alignment was found, and these are the rejected candidates"""
-    if not poses:
-        return []
+def alternatives(
+    poses: Sequence[Alternative], *, rejected: bool, words: Words = ENGLISH
+) -> list[Table | Line]:
+    """Alternative poses; the equivalent ones as one line. rejected : no valid alignment was found, and these
+    are the rejected candidates
+    """
+    found: list[Table | Line] = []
+    others = [each for each in poses if not each.symmetry_of_design]
+    equivalent = sum(each.equivalent_poses for each in poses if each.symmetry_of_design)
+    if equivalent:
+        text = words(
+            "{count} besides this one, by symmetry of the design: each is as right.", count=equivalent
+        )
+        found.append(Line(words("Equivalent poses"), text))
+    if not others:
+        return found
+    cost, rmse = words("cost over that of the best"), "RMSE"
+    rows = [
+        (number, words.short(each.score), words.millimetres(each.rmse_mm))
+        for number, each in enumerate(others, start=1)
+    ]
+    title = words("Rejected poses") if rejected else words("Alternative poses")
+    note = words("A cost of 1 is as good as the best pose.")
+    return [*found, Table(title, (words("number"), cost, rmse), rows, frozenset({cost, rmse}), note)]
+
+
+def segments(result: Segments, words: Words = ENGLISH) -> Table:
+    """The centres of the segments, one row each."""
+    columns = (
+        *(words("segment"), words("rho of its centre"), words("delta, mm"), words("vertices")),
+        words("centre, mm"),
+    )
     rows = [
         (
-            number + 1,
-            f"{each.score:.3g}",
-            millimetres(each.rmse_mm),
-            _type_of(each, rejected=rejected),
+            *(each.segment, words.short(each.rho, 4), words.fixed(each.delta), each.size),
+            words.point(each.position_mm),
         )
-        for number, each in enumerate(poses)
-    ]
-    title = "Rejected poses" if rejected else "Alternative poses"
-    note = "Score: cost relative to that of the best pose; 1 means equally good."
-    return [Table(title, ("number", "score", "RMSE", "type"), rows, frozenset({"score", "RMSE"}), note)]
-
-
-def _type_of(pose: Alternative, *, rejected: bool) -> str:
-    if not pose.symmetry_of_design:
-        return "rejected" if rejected else "alternative pose"
-    count = pose.equivalent_poses
-    return "symmetry of the design" + (f", stands for {count} equivalent poses" if count > 1 else "")
-
-
-def segments(result: Segments) -> Table:
-    """The centres of the segments, one row each."""
-    columns = ("segment", "rho of its centre", "delta, mm", "vertices", "centre, mm")
-    rows = [
-        (each.segment, f"{each.rho:.4g}", fixed(each.delta), each.size, point(each.position_mm))
         for each in result.centres
     ]
     return Table(
-        "Segments",
+        words("Segments"),
         columns,
         rows,
         frozenset(columns[1:]),
-        f"Metric {result.metric}, density {result.density}, d_c {fixed(result.d_c)} mm, "
-        f"halo {percent(result.halo_fraction, 0)}.",
+        words(
+            "Metric {metric}, density {density}, d_c {d_c} mm, halo {halo}.",
+            metric=result.metric,
+            density=result.density,
+            d_c=words.fixed(result.d_c),
+            halo=words.percent(result.halo_fraction, 0),
+        ),
         [hex_of(palette.of_segment(each.segment)) for each in result.centres],
     )
 
 
-def landmarks(result: LandmarksResult) -> Table:
+def landmarks(result: LandmarksResult, words: Words = ENGLISH) -> Table:
     """The landmarks, strongest first."""
-    columns = ("id", "segment", "T²", "strength", "position, mm", "vertex")
+    columns = ("id", words("segment"), "T²", words("strength"), words("position, mm"), words("vertex"))
     rows = [
         (
-            *(each.id, each.segment, fixed(each.t2, 2), fixed(each.strength, 2)),
-            *(point(each.position_mm), each.vertex),
+            *(each.id, each.segment, words.fixed(each.t2, 2), words.fixed(each.strength, 2)),
+            *(words.point(each.position_mm), each.vertex),
         )
         for each in result.landmarks.mesh
     ]
     return Table(
-        "Landmarks",
+        words("Landmarks"),
         columns,
         rows,
         frozenset(columns[2:]),
-        "Strength: T² divided by its limit. The vertex numbers refer to mesh.clean.ply.",
+        words("Strength: T² divided by its limit. The vertex numbers refer to mesh.clean.ply."),
         [hex_of(palette.of_segment(each.segment)) for each in result.landmarks.mesh],
     )
 
 
-def provenance(inputs: dict[str, Input], made_by: MadeBy) -> Table:
+def provenance(inputs: dict[str, Input], made_by: MadeBy, words: Words = ENGLISH) -> Table:
     """Input files with their hashes, and the version that made the result."""
     rows: list[Sequence[object]] = [
-        (name, file.format, file.unit, file.sha256) for name, file in inputs.items()
+        (words(name), file.format, file.unit, file.sha256) for name, file in inputs.items()
     ]
-    note = (
-        f"Cusp {made_by.version}, seed {made_by.seed}. results.json lists all settings and library versions."
+    note = words(
+        "Cusp {version}, seed {seed}. results.json lists all settings and library versions.",
+        version=made_by.version,
+        seed=made_by.seed,
     )
-    return Table("Provenance", ("mesh", "format", "unit", "SHA-256"), rows, frozenset(), note)
+    columns = (words("mesh"), words("format"), words("unit"), "SHA-256")
+    return Table(words("Provenance"), columns, rows, frozenset(), note)
 
 
 def hex_of(colour: FloatArray) -> str:
     """`#rrggbb` of a colour (3,) in [0, 1]."""
     return "#" + "".join(f"{round(255 * float(part)):02x}" for part in colour)
-
-
-def point(position_mm: Sequence[float]) -> str:
-    """`1.20, −3.00, 0.00`, mm."""
-    return ", ".join(fixed(x, 2) for x in position_mm)

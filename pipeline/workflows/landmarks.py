@@ -7,6 +7,7 @@ from pipeline.analysis.mesh_analysis import Scales, analyse_mesh
 from pipeline.core import timing
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import LandmarksOfMesh, LandmarksResult, SegmentsOfMesh
 from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
@@ -17,7 +18,13 @@ from pipeline.workflows.publish import publish
 
 
 def run_landmarks(
-    file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
+    file: MeshFile,
+    *,
+    settings: Settings,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+    header: ReportHeader | None = None,
 ) -> LandmarksResult:
     """See `pipeline.find_landmarks`."""
     timer = StageTimer(on_progress, timing.LANDMARKS)
@@ -33,7 +40,8 @@ def run_landmarks(
         files=[],
         warnings=[*analysis.warnings, *landmark_warnings(mesh=landmarks), *source.warnings()],
     )
+    named = (header or ReportHeader()).of_files(mesh=file.filename)
     return publish(
         *(result, out, settings, timer),
-        lambda folder, built: write_landmarks(folder, built, analysis, settings, brep),
+        lambda folder, built: write_landmarks(folder, built, analysis, settings, brep, named),
     )

@@ -56,11 +56,13 @@ def run_registration(
     result = registration_result(outcome, job)
     is_new, design = design is None, outcome.design
     written = (design, outcome.registered.scan, outcome.deviations)
+    header = job.header.of_files(design=design_file.filename, scan=scan_file.filename)
     del outcome  # the search trees of a scan of a million triangles take 300 MB, which the pictures need
     result = publish(
         *(result, out, settings, timer),
         lambda folder, built: (
-            write_registration(folder, built, *written, settings) + _write_qdas(folder, built, settings)
+            write_registration(folder, built, *written, settings, header)
+            + _write_qdas(folder, built, settings)
         ),
     )
     has_files = bool(design.cached.files)  # those of the design, which the model keeps

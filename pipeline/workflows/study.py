@@ -6,6 +6,7 @@ from pipeline.analysis.inputs import read_mesh
 from pipeline.core import timing
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import OnProgress, Stage
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import StudyResult
 from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
@@ -16,7 +17,13 @@ from pipeline.workflows.publish import publish
 
 
 def run_study(
-    file: MeshFile, *, settings: Settings, seed: int, out: Path | None, on_progress: OnProgress
+    file: MeshFile,
+    *,
+    settings: Settings,
+    seed: int,
+    out: Path | None,
+    on_progress: OnProgress,
+    header: ReportHeader | None = None,
 ) -> StudyResult:
     """See `pipeline.study`."""
     timer = StageTimer(on_progress, timing.STUDY)
@@ -38,6 +45,8 @@ def run_study(
 
     def write(folder: Path, built: StudyResult) -> Artifacts:
         outcome.write(folder)
-        return Artifacts(("trials.csv", "study.svg")) + write_study_page(folder, built, settings)
+        return Artifacts(("trials.csv", "study.svg")) + write_study_page(
+            folder, built, settings, (header or ReportHeader()).of_files(mesh=file.filename)
+        )
 
     return publish(result, out, settings, timer, write)

@@ -4,6 +4,7 @@ compute.
 `Sandbox(target=...)` names this module; tests name others, with the same three functions.
 """
 
+from base64 import b64decode
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
         "settings": pipeline.Settings.model_validate(task["settings"]),
         "seed": task["seed"],
         "out": task["out"],
+        "header": _header(task.get("report")),
         "on_progress": lambda progress: on_progress(progress.stage.value, progress.percent, progress.message),
     }
     match task["type"]:
@@ -63,6 +65,18 @@ def run(task: dict[str, Any], on_progress: Callable[[str, float, str], None]) ->
             pipeline.study(_mesh(task["mesh"]), **common)
         case other:
             raise ValueError(f"a job of type {other!r} was accepted, but is not implemented")
+
+
+def _header(stated: dict[str, Any] | None) -> pipeline.ReportHeader | None:
+    if stated is None:
+        return None
+    logo = stated["logo"]
+    return pipeline.ReportHeader(
+        job=stated["job"],
+        created=stated["created"],
+        company=stated["company"],
+        logo=logo and b64decode(logo),
+    )
 
 
 def _mesh(source: dict[str, Any]) -> pipeline.MeshFile:

@@ -5,6 +5,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,6 +26,7 @@ from service.contract.job_types import ALL_MESHES
 from service.contract.options import resolve_settings
 from service.contract.schemas import Options, Problem
 from service.execution.heartbeat import Heartbeat
+from service.execution.letterhead import Letterhead
 from service.execution.results_outcome import outcome_of
 from service.execution.sandbox import Outcome, Sandbox, SandboxError, log_tail
 from service.jobs.metrics import Metrics
@@ -37,6 +39,7 @@ from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavail
 from service.webhooks.mesh_fetch import MeshFetcher, without_query
 
 Returned = TypeVar("Returned")
+NO_LETTERHEAD = Letterhead()
 log = structlog.get_logger()
 
 
@@ -80,10 +83,11 @@ class Worker:
         scratch: Path,
         metrics: Metrics,
         fetcher: MeshFetcher,
+        letterhead: Letterhead = NO_LETTERHEAD,
     ) -> None:
         self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
         self._sandbox, self._scratch, self._metrics = sandbox, scratch, metrics
-        self._fetcher = fetcher
+        self._fetcher, self._letterhead = fetcher, letterhead
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -201,6 +205,12 @@ class Worker:
             "reference": options.reference and options.reference.model_dump(mode="json"),
             "alignment": options.alignment and options.alignment.model_dump(mode="json"),
             "seed": options.seed,
+            "report": {
+                "job": row.id,
+                "created": datetime.fromtimestamp(row.created_ms / 1000, UTC).isoformat(),
+                "company": self._letterhead.company,
+                "logo": self._letterhead.logo,
+            },
         }
         for mesh, source in row.inputs.items():
             path = folder / f"{mesh}.mesh"  # not the client's file name, which is only a hint of the format

@@ -11,6 +11,7 @@ import structlog
 
 from service.execution.confinement.measures import Measures
 from service.execution.job_limits import Limits
+from service.execution.letterhead import Letterhead
 from service.execution.periodic import PeriodicTask
 from service.execution.sandbox import Sandbox, SandboxError
 from service.execution.worker import Worker
@@ -50,6 +51,11 @@ def run_worker(settings: ServiceSettings) -> int:
     if not settings.is_embedded and _is_taken(jobs, settings.worker_id):
         log.error("a live worker has this name already; set CUSP_WORKER_ID", worker_id=settings.worker_id)
         return EXIT_BROKEN
+    try:
+        letterhead = Letterhead.of(settings.report_company, settings.report_logo)
+    except ValueError as error:
+        log.error("cannot run jobs", reason=str(error))
+        return EXIT_BROKEN
     limits = Limits(settings.job_time_limit_s, settings.job_memory_limit_mib, settings.job_disk_limit_mib)
     sandbox = Sandbox(limits)
     try:
@@ -69,7 +75,7 @@ def run_worker(settings: ServiceSettings) -> int:
         settings.max_upload_mib * MIB,
         settings.mesh_fetch_time_limit_s,
     )
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics, fetcher)
+    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics, fetcher, letterhead)
     queue = DbosQueue(settings.queue)
     reaper = Reaper(jobs, queue)
     reaper.at_start(settings.worker_id)

@@ -8,7 +8,7 @@ import { ofSegment, short, size, some } from './words.js';
 import * as vertices from './vertices.js';
 
 const LARGE = 30e6; // bytes of a table that is not fetched unasked
-const HINT = 'Point at a dot; click it to see it on the part.';
+const HINT = 'Point at a dot to see which vertex it is; click it to see it on the part.';
 const UNITS = ['mm', 'cm', 'm', 'inch'];
 
 let graph = null;
@@ -228,6 +228,7 @@ async function runAgain(event) {
   if (tolerance) options.tolerance_mm = tolerance;
   const accuracy = results.scan?.accuracy_mm;
   if (accuracy) options.scan_accuracy_mm = accuracy;
+  if (results.reference) options.reference = results.reference;
   const given = Object.fromEntries(Object.entries(job.inputs).filter(([, each]) => each));
   $('rerun-refused').hidden = true;
   $('again').disabled = true;

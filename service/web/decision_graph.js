@@ -72,9 +72,7 @@ export class DecisionGraph {
     this.ratio = Math.min(devicePixelRatio, 2);
     this.canvas.width = width * this.ratio;
     this.canvas.height = height * this.ratio;
-    this.canvas.style.height = `${height}px`;
-    this.svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
-    this.svg.style.height = `${height}px`;
+    this.svg.setAttribute('viewBox', `0 0 ${width} ${height}`); // both are as wide as the box and keep this shape, on paper too
     this.at = this.points.map((each) => [this.x(each.rho), this.y(each.delta)]);
     this.paint();
     this.svg.replaceChildren();
@@ -223,6 +221,7 @@ export class DecisionGraph {
 
   close() {
     this.size.disconnect();
+    Object.assign(this.svg, { onpointermove: null, onpointerleave: null, onclick: null });
     this.svg.replaceChildren();
   }
 }

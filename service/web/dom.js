@@ -23,8 +23,8 @@ export function fill(table, head, rows, numbers = []) {
   );
 }
 
-/** A figure of a list of figures: [name, value]. */
-export const figure = ([name, value]) => element('div', [element('dt', name), element('dd', value)]);
+/** A figure of a list of figures: [name, value, what it is (a tooltip)]. */
+export const figure = ([name, value, title = '']) => element('div', [element('dt', name), element('dd', value)], { title });
 
 /** Show what went wrong where people look for it; a missing key opens the box for it. */
 export function say(id, error) {

@@ -14,10 +14,19 @@ export function surfaces(gltf) {
 
 export const inMillimetres = (node) => node.geometry.clone().applyMatrix4(node.matrixWorld).scale(MM_PER_M, MM_PER_M, MM_PER_M);
 
+/** A material has `userData.back`: 1 shades the backs of its faces, -1 their fronts, 0 neither. */
 export function shaded(geometry, isCloud) {
-  if (isCloud) return new THREE.Points(geometry, new THREE.PointsMaterial({ vertexColors: true, size: 2, sizeAttenuation: false }));
+  if (isCloud) return new THREE.Points(geometry, new THREE.PointsMaterial({ vertexColors: true, size: 3, sizeAttenuation: false }));
   geometry.computeVertexNormals();
-  return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }));
+  const material = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide });
+  const back = { value: 0 };
+  material.userData.back = back;
+  material.onBeforeCompile = (shader) => {
+    shader.uniforms.back = back;
+    shader.fragmentShader = `uniform float back;\n${shader.fragmentShader}`.replace('#include <color_fragment>', `#include <color_fragment>
+      if (back != 0.0 && gl_FrontFacing == (back < 0.0)) diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.28, 0.31, 0.36), 0.75);`);
+  };
+  return new THREE.Mesh(geometry, material);
 }
 
 /** (n) area of each vertex in mm^2: a third of the triangles around it; 1 for each point of a cloud */
@@ -48,14 +57,13 @@ export function nearestVertex(positions, [x, y, z]) {
   return { vertex, distance: Math.sqrt(best) };
 }
 
-/** Distance along `direction` from the centre of a box at which all its corners are in sight. */
-export function fittingDistance(camera, half, direction) {
-  const view = new THREE.Matrix4().lookAt(direction, new THREE.Vector3(), camera.up).transpose();
-  const slope = Math.tan((camera.fov * Math.PI) / 360);
-  let distance = 0;
+/** Half of the height that a view from `direction` must show, so that it has the box of half size `half` in it, mm. */
+export function fittingHeight(half, direction, up, aspect) {
+  const view = new THREE.Matrix4().lookAt(direction, new THREE.Vector3(), up).transpose();
+  let height = 0;
   for (let corner = 0; corner < 8; corner += 1) {
     const at = new THREE.Vector3(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1).multiply(half).applyMatrix4(view);
-    distance = Math.max(distance, at.z + Math.abs(at.y) / slope, at.z + Math.abs(at.x) / (slope * camera.aspect));
+    height = Math.max(height, Math.abs(at.y), Math.abs(at.x) / aspect);
   }
-  return distance;
+  return height;
 }

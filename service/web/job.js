@@ -6,7 +6,7 @@ import { $, element, say } from './dom.js';
 import * as files from './files.js';
 import * as part from './part.js';
 import * as reading from './reading.js';
-import { meshes, time } from './words.js';
+import { meshes, some, time } from './words.js';
 
 const BOTH = ['load', 'clean', 'resample', 'geodesics', 'segmentation', 'features', 'landmarks'];
 const STAGES = {
@@ -14,11 +14,16 @@ const STAGES = {
   landmarks: [...BOTH, 'report'],
   study: ['load', 'clean', 'study', 'report'],
 };
+const TICK_MS = 1000;
+const QUEUE_MS = 5000; // between two looks at the queue
+const MOST = 1000; // jobs ahead that are counted
+let ticking;
+
 const PAGES = { registration: './registration.js', landmarks: './landmarks.js', study: './study.js' };
 
 /** signal : aborted when people go elsewhere */
 export async function open(id, signal) {
-  for (const box of ['result', 'failed', 'offer', 'decision', 'verdict', 'viewer', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
+  for (const box of ['result', 'failed', 'offer', 'decision', 'checks', 'verdict', 'identity', 'viewer', 'measure', 'how', 'graph', 'others', 'by-segment', 'study', 'progress-box']) $(box).hidden = true;
   delete $('result').dataset.shown;
   $('job-title').textContent = 'Job';
   $('job-made').textContent = '';
@@ -43,6 +48,7 @@ export async function open(id, signal) {
 }
 
 export function close() {
+  clearInterval(ticking);
   part.close();
   centres.close();
 }
@@ -62,7 +68,8 @@ function tell(job) {
   $('job-title').textContent = job.label ? `${job.type}: ${job.label}` : job.type;
   document.title = `${isFinal ? job.status : `${Math.floor(job.progress)} %`} · ${job.label ?? job.type} · Cusp`;
   const took = job.started && job.finished ? ` · ${((new Date(job.finished) - new Date(job.started)) / 1000).toFixed(1)} s` : '';
-  $('job-made').textContent = `${meshes(job.inputs)} · ${time(job.created)}${took} · ${job.id}`;
+  $('job-made').textContent = `${meshes(job.inputs)} · sent ${time(job.created)}${took} · job ${job.id}`;
+  tick(job);
   $('progress-box').hidden = isFinal;
   $('remove').hidden = !isFinal;
   $('progress').value = job.progress;
@@ -78,6 +85,29 @@ function tell(job) {
     return item;
   }));
 }
+
+/** How long it has waited or run, and how many of one's own jobs are before it. */
+function tick(job) {
+  clearInterval(ticking);
+  $('elapsed').textContent = '';
+  if (job.finished) return;
+  const isWaiting = job.status === 'accepted';
+  let ahead = '';
+  let looked = -Infinity;
+  const tell = () => {
+    const seconds = Math.max(0, Math.round((Date.now() - new Date(isWaiting ? job.created : job.started ?? job.created)) / 1000));
+    $('elapsed').textContent = `${isWaiting ? 'waiting' : 'running'} for ${duration(seconds)}${ahead}`;
+    if (!isWaiting || performance.now() - looked < QUEUE_MS) return;
+    looked = performance.now();
+    api.json(`/v1/jobs?status=accepted&limit=${MOST}&cursor=${job.id}`).then(({ jobs }) => {
+      ahead = jobs.length ? `, ${jobs.length === MOST ? `${MOST} or more` : some(jobs.length, 'job')} of yours before it` : ', next of your jobs';
+    }, () => {});
+  };
+  tell();
+  ticking = setInterval(tell, TICK_MS);
+}
+
+const duration = (seconds) => (seconds < 90 ? `${seconds} s` : `${Math.floor(seconds / 60)} min ${seconds % 60} s`);
 
 async function show(job, signal) {
   const [results, listed, page] = await Promise.all([

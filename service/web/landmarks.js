@@ -14,6 +14,11 @@ export async function show(job, results, sizes, signal) {
     ['halo', percent(halo)],
     ['beyond the T² limit', percent(limit)],
   ].map(figure));
+  $('how').hidden = false;
+  $('how').open = true;
+  $('why').hidden = true;
+  $('measure').hidden = true;
+  $('how-figures').replaceChildren();
   const isShown = sizes.has('mesh.segments.ply');
   $('viewer').hidden = !isShown;
   const shown = isShown ? part.openMesh(job.id, results, signal) : null;

@@ -3,20 +3,28 @@
 import * as api from './api.js';
 import * as centres from './centres.js';
 import { isCounted } from './colours.js';
-import { $, choices } from './dom.js';
+import { $, choices, element } from './dom.js';
 import * as legend from './legend.js';
+import * as measuring from './measuring.js';
+import * as overlay from './overlay.js';
 import * as ply from './ply.js';
 import { IDENTITY, inverse, moved, times } from './poses.js';
+import * as section from './section.js';
+import { DIRECTIONS } from './views.js';
 import { mm, ofSegment, short, signed, standsFor } from './words.js';
 
-const SIDES = ['+z', '-z', '+x', '-x', '+y', '-y', 'oblique'];
+const PIN_DIFFERS = 0.0005; // mm: the surface that is shown has fewer vertices than the file, and may miss the extreme
 const LARGEST = 80e6; // bytes of a mesh that is shown as it was sent
 const FAR = 0.02; // of the diagonal: there is no scan there, unless its vertices are as far apart
 
 let viewer = null;
-let now = null; // {results, poses: name -> matrix of the scan's own frame, pose, isAligned: the scan's file is in the final pose}
+let now = null; // {results, poses: name -> matrix of the scan's own frame, pose, isAligned: the scan's file is in the final pose, pins, first: the view at the beginning}
 
-$('side').addEventListener('change', () => viewer?.frame($('side').value));
+for (const side of Object.keys(DIRECTIONS)) $('sides').append(element('button', side, { type: 'button', onclick: () => viewer?.frame(side) }));
+$('fit').addEventListener('click', () => viewer?.fit());
+$('projection').addEventListener('click', () => project($('projection').getAttribute('aria-pressed') !== 'true'));
+$('full').addEventListener('click', () => (document.fullscreenElement ? document.exitFullscreen() : $('stage-3d').requestFullscreen()));
+$('show-pins').addEventListener('change', () => viewer?.draw());
 $('pose').addEventListener('change', () => pose($('pose').value));
 $('before').addEventListener('click', () => pose($('pose').value === 'before' ? 'final' : 'before'));
 for (const [box, what] of [['show-scan', 'scan'], ['show-design', 'design'], ['show-landmarks', 'marks'], ['show-matches', 'lines']]) {
@@ -36,7 +44,7 @@ export const panel = {
 export async function openRegistration(id, results, sizes, signal) {
   close();
   const at = (name) => api.bytes(`/v1/jobs/${id}/files/${name}`);
-  const isAligned = sizes.has('deviation.glb');
+  const isAligned = sizes.has('deviation.glb') && Boolean(results.transform);
   const shown = isAligned ? 'deviation.glb' : sizes.get('scan.clean.ply') <= LARGEST ? 'scan.clean.ply' : null;
   const [{ Viewer }, designFile, scanFile] = await Promise.all([import('./viewer.js'), at('design.glb'), shown ? at(shown) : null]);
   if (signal.aborted) return;
@@ -48,14 +56,49 @@ export async function openRegistration(id, results, sizes, signal) {
   if (signal.aborted) return;
   mark(results.landmarks, results);
   now.poses = poses(results);
-  choices($('pose'), Object.entries(now.poses).map(([name, { words }]) => [name, words]));
-  setUp({ scan: Boolean(scanFile), design: !isAligned, marks: false, lines: false });
-  const isMeasured = isAligned && viewer.values !== null; // the file of a cloud of points has colours only
-  $('legend').hidden = !isMeasured;
-  $('tolerance-box').hidden = !isMeasured;
-  if (isMeasured) legend.open(viewer, results.deviation);
-  viewer.frame('+z');
-  pose('final' in now.poses ? 'final' : 'before');
+  choices($('pose'), [...now.poses].map(([name, { words }]) => [name, words]));
+  setUp({ scan: Boolean(scanFile), design: !isAligned || viewer.isCloud, marks: false, lines: false });
+  const isMeasured = isAligned && viewer.values !== null; // the file of a cloud of points of an earlier version has colours only
+  for (const id of ['legend', 'tolerance-box', 'section', 'extremes']) $(id).hidden = !isMeasured;
+  viewer.onReset = () => viewer?.frame('+z');
+  viewer.onReset();
+  pose(now.poses.has('final') ? 'final' : 'before');
+  if (!isMeasured) return;
+  if (!viewer.isCloud) viewer.shadeBacks();
+  legend.open(viewer, results);
+  now.pins = pins(results);
+  begin3d(worst());
+}
+
+/** The first view shows the largest deviation. */
+function begin3d(place) {
+  const first = viewer.sideThatShows(place.position, place.normal);
+  viewer.onReset = () => (first ? viewer?.frame(first) : viewer?.fitAlong(place.normal));
+  viewer.onReset();
+  section.open(viewer, place);
+}
+
+/** The place that a person must see: the vertex that lies farthest off. */
+function worst() {
+  const [farthest] = viewer.extremes().sort((a, b) => Math.abs(b.mm) - Math.abs(a.mm));
+  const position = farthest?.position ?? [0, 0, 0];
+  return { position, normal: farthest?.normal ?? normalAt(position) };
+}
+
+const normalAt = (position) => viewer.normalOfDesign(position);
+
+/** The lowest and the highest vertex, and the points that were to be inspected. */
+function pins({ deviation, inspection }) {
+  const ends = viewer.extremes().map((each, k) => {
+    const ofAll = k ? deviation.max_mm : deviation.min_mm;
+    const name = `${k ? 'max' : 'min'}${Math.abs(ofAll - each.mm) > PIN_DIFFERS ? ' shown' : ''}`;
+    return { ...each, words: `${name} ${signed(each.mm)}`, normal: each.normal ?? normalAt(each.position) };
+  });
+  const points = (inspection?.checks ?? []).filter(({ kind, position_mm: position }) => kind === 'point' && position);
+  const moods = { true: 'good', false: 'bad', null: 'warn' };
+  return [...ends, ...points.map(({ name, value, passed, position_mm: position }) => ({
+    words: `${name} ${value === null ? 'not measured' : signed(value)}`, position, normal: normalAt(position), mood: moods[passed],
+  }))];
 }
 
 /** One mesh in the colours of its segments. */
@@ -66,10 +109,11 @@ export async function openMesh(id, results, signal) {
   begin(Viewer, { results, isAligned: false });
   viewer.loadPly('design', ply.parse(file));
   mark({ design: results.landmarks.mesh, scan: [], matches: [] }, results);
-  now.poses = {};
+  now.poses = new Map();
   setUp({ scan: false, design: true, marks: true, lines: false });
-  $('legend').hidden = true;
-  viewer.frame('+z');
+  for (const box of ['legend', 'section', 'extremes']) $(box).hidden = true;
+  viewer.onReset = () => viewer?.frame('oblique');
+  viewer.onReset();
 }
 
 export function close() {
@@ -77,7 +121,16 @@ export function close() {
   viewer = null;
   now = null;
   legend.close();
+  section.close();
   $('tip').hidden = true;
+  $('pose-note').textContent = '';
+  $('overlay').replaceChildren();
+  if (document.fullscreenElement) document.exitFullscreen();
+}
+
+function project(isPerspective) {
+  $('projection').setAttribute('aria-pressed', String(isPerspective));
+  viewer?.project(isPerspective);
 }
 
 export function redraw() {
@@ -88,9 +141,22 @@ export function redraw() {
 function begin(Viewer, known) {
   const canvas = $('canvas').cloneNode(); // a fresh one: a context is lost for good when a viewer is closed
   $('canvas').replaceWith(canvas);
-  viewer = new Viewer(canvas, { onHover: hover, onPick: hover });
+  viewer = new Viewer(canvas, { onHover: hover, onPick: pick, onDrawn: furnish });
   viewer.resize();
-  now = known;
+  now = { ...known, pins: [] };
+  $('projection').setAttribute('aria-pressed', 'false');
+  measuring.open(() => viewer?.draw());
+}
+
+/** What lies over the picture; the pins are those of the final pose. */
+function furnish() {
+  const isFinal = !now.isAligned || $('pose').value === 'final';
+  overlay.draw($('overlay'), viewer, isFinal && $('show-pins').checked ? now.pins.filter(({ position }) => viewer.kept(position)) : [], measuring.shown());
+}
+
+function pick(found) {
+  hover(found);
+  if (found?.point) measuring.pick(found.point);
 }
 
 function setUp(isOn) {
@@ -103,10 +169,11 @@ function setUp(isOn) {
   }
   $('show-scan').closest('label').hidden = !isOn.scan;
   $('show-matches').closest('label').hidden = !viewer.pairs.length;
-  $('pose').closest('label').hidden = Object.keys(now.poses).length < 2;
-  $('before').hidden = !('final' in now.poses);
+  $('show-pins').checked = true;
+  $('show-pins').closest('label').hidden = !now.isAligned;
+  $('pose').closest('label').hidden = now.poses.size < 2;
+  $('before').hidden = !now.poses.has('final');
   $('tolerance-box').hidden = true;
-  choices($('side'), SIDES.map((side) => [side, side]));
 }
 
 function mark({ design, scan, matches }, { transform }) {
@@ -123,31 +190,28 @@ function mark({ design, scan, matches }, { transform }) {
 
 // --- poses
 
+/** name -> {words, matrix}, in the order of the menu */
 function poses({ transform, alternatives }) {
-  const found = {};
-  if (transform) found.final = { words: 'final pose', matrix: transform.matrix };
-  found.before = { words: 'as uploaded', matrix: IDENTITY };
+  const found = new Map();
+  if (transform) found.set('final', { words: 'final', matrix: transform.matrix });
+  found.set('before', { words: 'as uploaded', matrix: IDENTITY });
   alternatives.forEach((each, k) => {
-    const kind = each.symmetry_of_design ? 'symmetry' : transform ? 'rival' : 'rejected';
+    const kind = each.symmetry_of_design ? 'equivalent by symmetry' : transform ? 'alternative' : 'rejected';
     const stands = standsFor(each);
-    found[k] = { words: `${kind} ${k + 1}, RMSE ${short(each.rmse_mm)} mm${stands && `, ${stands}`}`, matrix: each.matrix };
+    found.set(String(k), { words: `${kind}, RMS ${short(each.rmse_mm)} mm${stands && `, ${stands}`}`, matrix: each.matrix });
   });
   return found;
 }
 
+/** Only where the scan lies changes; what is shown stays as it was chosen. */
 function pose(name) {
   $('pose').value = name;
-  now.pose = now.poses[name].matrix;
-  const isBefore = name === 'before';
-  $('before').textContent = isBefore ? 'After' : 'Before';
+  now.pose = now.poses.get(name).matrix;
+  $('before').textContent = name === 'before' ? 'After' : 'Before';
   const notes = [];
   if (now.isAligned && name !== 'final') notes.push('The colours are those of the final pose.');
-  if (now.isAligned && !viewer.values) notes.push('For the colours of a point cloud see report.html.');
+  if (now.isAligned && !viewer.values) notes.push('For the colours of this point cloud see report.html.');
   $('pose-note').textContent = notes.join(' ');
-  if (now.isAligned) { // without the design beside it, where the scan lay says nothing
-    $('show-design').checked = name !== 'final';
-    viewer.show('design', name !== 'final');
-  }
   viewer.point(null);
   viewer.pose(now.isAligned ? times(now.pose, inverse(now.results.transform.matrix)) : now.pose);
   viewer.fit();

@@ -4,9 +4,15 @@
 import * as THREE from './vendor/three/three.module.js';
 
 const VERTEX = `flat out int number;
-void main() { number = gl_VertexID; gl_PointSize = 5.0; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`;
+#include <clipping_planes_pars_vertex>
+void main() { vec4 mvPosition = modelViewMatrix * vec4(position, 1.0); number = gl_VertexID; gl_PointSize = 7.0; gl_Position = projectionMatrix * mvPosition;
+#include <clipping_planes_vertex>
+}`;
 const FRAGMENT = `flat in int number; uniform float surface; out vec4 colour;
-void main() { colour = vec4(number & 255, (number >> 8) & 255, (number >> 16) & 255, surface) / 255.0; }`;
+#include <clipping_planes_pars_fragment>
+void main() {
+#include <clipping_planes_fragment>
+colour = vec4(number & 255, (number >> 8) & 255, (number >> 16) & 255, surface) / 255.0; }`;
 
 export class Picker {
   constructor(renderer) {
@@ -14,6 +20,7 @@ export class Picker {
     this.target = new THREE.WebGLRenderTarget(1, 1);
     this.scene = new THREE.Scene();
     this.surfaces = []; // {shown, twin}
+    this.skip = null; // `userData.what` of surfaces that are looked through
     this.pixel = new Uint8Array(4);
     this.ray = new THREE.Raycaster();
   }
@@ -21,7 +28,7 @@ export class Picker {
   /** shown : the mesh or points of the viewer, looked for while it is visible */
   add(shown) {
     const surface = { value: this.surfaces.length + 1 };
-    const material = new THREE.ShaderMaterial({ glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: { surface }, side: THREE.DoubleSide, blending: THREE.NoBlending });
+    const material = new THREE.ShaderMaterial({ glslVersion: THREE.GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms: { surface }, clipping: true, side: THREE.DoubleSide, blending: THREE.NoBlending });
     const twin = shown.isPoints ? new THREE.Points(shown.geometry, material) : new THREE.Mesh(shown.geometry, material);
     twin.matrixAutoUpdate = false;
     twin.frustumCulled = false;
@@ -32,7 +39,7 @@ export class Picker {
   /** x, y : of width x height -> {shown, vertex, point, distance} nearest to the eye, or null */
   at(camera, x, y, width, height) {
     for (const { shown, twin } of this.surfaces) {
-      twin.visible = shown.visible && shown.parent.visible;
+      twin.visible = shown.visible && shown.parent.visible && shown.userData.what !== this.skip;
       twin.matrix.copy(shown.matrixWorld);
       twin.matrixWorldNeedsUpdate = true;
     }

@@ -2,7 +2,6 @@
  *  A job whose file was so offers the choice; the form of the next job then has what was said, and the reason.
  */
 
-import * as api from './api.js';
 import { $ } from './dom.js';
 
 const ASKS = [
@@ -33,12 +32,12 @@ export function offer(job, notes) {
   $('offer-link').href = `#again-${job.id}`;
 }
 
-/** In the form, after a job: what was said for it, and why it should be said (anew). */
-export async function show(job) {
+/** In the form, after a job: what was said for it, and why it should be said (anew). results : null of a job without */
+export function show(job, results) {
   if (job.type !== 'registration') return;
   let notes = job.error ? [job.error] : [];
-  if (job.status === 'successful') {
-    const { warnings, provenance } = await api.json(`/v1/jobs/${job.id}/results`);
+  if (results) {
+    const { warnings, provenance } = results;
     notes = warnings;
     $('design-part').value = provenance.inputs.design.part ?? '';
     $('columns').value = provenance.inputs.scan.columns ?? '';

@@ -17,18 +17,14 @@ const slots = Object.fromEntries([...document.querySelectorAll('.slot')].map((sl
 
 for (const slot of Object.values(slots)) {
   const { box, file, before } = slot;
-  file.addEventListener('change', () => { if (file.files.length) before.value = ''; tell(slot); });
-  before.addEventListener('change', () => { if (before.value) file.value = ''; tell(slot); });
-  for (const kind of ['dragenter', 'dragover']) box.addEventListener(kind, (event) => { event.preventDefault(); box.classList.add('over'); });
+  file.addEventListener('change', () => { if (file.files.length) before.value = ''; renew(slot); });
+  before.addEventListener('change', () => { if (before.value) file.value = ''; renew(slot); });
+  for (const kind of ['dragenter', 'dragover']) box.addEventListener(kind, () => box.classList.add('over'));
   for (const kind of ['dragleave', 'drop']) box.addEventListener(kind, () => box.classList.remove('over'));
-  box.addEventListener('drop', (event) => {
-    event.preventDefault();
-    if (!event.dataTransfer.files.length) return;
-    file.files = event.dataTransfer.files;
-    before.value = '';
-    tell(slot);
-  });
 }
+// A file that is dropped beside the slots must not replace the page.
+for (const kind of ['dragover', 'drop']) addEventListener(kind, (event) => { if (isFiles(event)) event.preventDefault(); });
+addEventListener('drop', (event) => { if (isFiles(event) && !$('start').hidden) drop(event.dataTransfer, event.target.closest?.('.slot')?.dataset.mesh); });
 for (const radio of $('form').elements.type) radio.addEventListener('change', dress);
 $('form').addEventListener('submit', submit);
 dress();
@@ -38,8 +34,10 @@ export async function show(job = null) {
   await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
   reading.clear();
   if (!job) return;
+  $('form').reset();
   $('form').elements.type.value = job.type in MESHES ? job.type : 'landmarks';
   $('form').elements.label.value = job.label ?? '';
+  $('form').elements.serial.value = job.reference?.serial ?? '';
   for (const [name, given] of Object.entries(job.inputs)) {
     if (!given) continue;
     slots[name].file.value = '';
@@ -47,12 +45,50 @@ export async function show(job = null) {
     tell(slots[name]);
   }
   dress();
-  await reading.show(job);
+  const results = job.status === 'successful' ? await api.json(`/v1/jobs/${job.id}/results`) : null;
+  if (results) remember(results);
+  reading.show(job, results);
 }
+
+/** What was asked of the job, as far as its results say. */
+function remember({ type, deviation, scan, inspection, provenance }) {
+  const { elements } = $('form');
+  for (const [name, { unit }] of Object.entries(provenance.inputs)) if ([...slots[name].unit.options].some(({ value }) => value === unit)) slots[name].unit.value = unit;
+  if (type !== 'registration') return;
+  const within = inspection?.checks.find(({ kind, region }) => kind === 'within' && region === null)?.lower;
+  elements.tolerance_mm.value = deviation?.tolerance_mm ?? '';
+  elements.scan_accuracy_mm.value = scan?.accuracy_mm ?? '';
+  elements.min_within.value = within ? Number((100 * within).toPrecision(6)) : '';
+}
+
+const isFiles = (event) => event.dataTransfer?.types.includes('Files') ?? false;
+
+/** name : of the slot, none beside them: then the one file goes to the one slot that is empty */
+function drop({ files }, name) {
+  $('refused').hidden = true;
+  const wanted = MESHES[$('form').elements.type.value];
+  const empty = wanted.filter((each) => !isFilled(slots[each]));
+  const target = name ?? (empty.length === 1 ? empty[0] : null);
+  if (files.length !== 1) say('refused', new Error(`${files.length} files were dropped. Drop one file on each of: ${wanted.join(', ')}.`));
+  else if (!target) say('refused', new Error(`Drop the file on one of: ${wanted.join(', ')}.`));
+  else {
+    slots[target].file.files = files;
+    slots[target].before.value = '';
+    renew(slots[target]);
+  }
+}
+
+/** Another mesh: the unit of the one before does not count for it. */
+function renew(slot) {
+  slot.unit.value = 'auto';
+  tell(slot);
+}
+
+const isFilled = ({ file, before }) => Boolean(file.files.length || before.value);
 
 function tell({ file, said, before, box }) {
   said.textContent = file.files[0]?.name ?? (before.value ? before.selectedOptions[0].textContent : HINT);
-  box.classList.toggle('filled', Boolean(file.files.length || before.value));
+  box.classList.toggle('filled', isFilled({ file, before }));
 }
 
 function dress() {

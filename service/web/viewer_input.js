@@ -47,7 +47,7 @@ export function listen(viewer) {
       '+': () => viewer.zoom(0.85),
       '=': () => viewer.zoom(0.85),
       '-': () => viewer.zoom(1 / 0.85),
-      0: () => viewer.frame('+z'),
+      0: () => viewer.onReset?.(),
     }[event.key];
     if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();

@@ -1,14 +1,20 @@
 /** Texts and colours of numbers, verdicts and segments, the same on the whole page. */
 
 export const MEANING = {
-  ok: 'A pose was found, and no other pose fits equally well.',
-  uncertain: 'A pose was found and it is the best by a clear lead, but the evidence is not enough to vouch for it. The findings say what would settle it.',
-  ambiguous: 'Several poses fit equally well. Check the pose before you use it.',
-  under_constrained: 'The part can slide or rotate along its own surface: the pose is not unique.',
-  units_suspect: 'The scan fits only in another length unit. Send it again with the right unit.',
+  ok: 'The scan is aligned, and no other pose fits as well.',
+  uncertain: 'The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on it: see the findings.',
+  ambiguous: 'Several poses fit equally well, and the scan does not show which is right. Check the pose before you use it.',
+  under_constrained: 'The part can slide or turn along its own surface without a worse fit: the pose is not unique.',
+  units_suspect: 'The scan fits only in another unit of length. Send it again with the right unit.',
   mirrored: 'The scan is the mirror image of the design. No valid alignment was found.',
-  no_match: 'The scan is of another part, or shows too little of this one. No valid alignment was found.',
+  no_match: 'No valid alignment was found. The scan shows another part, too little of this one, or a failed print.',
 };
+/** Instead of `ok`, of a design that is its own image. */
+const MEANING_SYMMETRIC = 'The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them is right. No other pose does.';
+export const meaning = ({ status, findings }) => (status === 'ok' && findings.some(({ code }) => code === 'symmetric_design') ? MEANING_SYMMETRIC : MEANING[status]);
+/** Statuses without a pose, and the findings that are about the best pose that was tried, not about the reason. */
+export const WITHOUT_POSE = ['mirrored', 'no_match'];
+export const ABOUT_POSE = ['free_motion', 'symmetric_design', 'rival_pose', 'weakly_constrained', 'few_landmarks', 'not_converged', 'confidence_not_calibrated'];
 export const MOOD = { ok: 'good', uncertain: 'warn', ambiguous: 'warn', under_constrained: 'warn', units_suspect: 'warn' };
 /** Of the alignment, not of the part: nobody is to read `ok` as "the part passed". */
 export const alignment = (status) => `alignment: ${status.replaceAll('_', ' ')}`;
@@ -22,9 +28,22 @@ export const FINAL = ['successful', 'failed', 'dismissed'];
 const PALETTE = ['#332288', '#ddcc77', '#cc6677', '#44aa99', '#882255', '#88ccee', '#117733', '#aa4499', '#999933'];
 export const ofSegment = (segment) => PALETTE[segment % PALETTE.length];
 
+/** `+0.25`, `−0.5`, `0`: at most 3 digits after the point, fewer where the scale is coarse. size : of the scale in mm */
+export function plain(value, size = 1) {
+  const digits = size < 0.01 ? 5 : size < 0.1 ? 4 : 3;
+  const rounded = Number(Math.abs(value).toFixed(digits));
+  return rounded === 0 ? '0' : `${value > 0 ? '+' : '−'}${rounded}`;
+}
 export const mm = (value) => (value === null || value === undefined ? '-' : `${value.toFixed(3)} mm`);
-export const signed = (value) => `${value >= 0 ? '+' : '−'}${Math.abs(value).toFixed(3)} mm`;
-export const percent = (share) => (share === null || share === undefined ? '-' : `${(100 * share).toFixed(1)} %`);
+export const number = (value) => (Math.abs(value) < 0.0005 ? '0.000' : `${value > 0 ? '+' : '−'}${Math.abs(value).toFixed(3)}`);
+export const signed = (value) => `${number(value)} mm`;
+/** 100.0 % is said of all only, and 0.0 % of nothing only. */
+export function percent(share) {
+  if (share === null || share === undefined) return '-';
+  const text = (100 * share).toFixed(1);
+  if (text === '100.0' && share < 1) return '> 99.9 %';
+  return text === '0.0' && share > 0 ? '< 0.1 %' : `${text} %`;
+}
 /** 4 digits without trailing zeros; large and small numbers as 1.23·10⁶ */
 export function short(value) {
   const size = Math.abs(value);

@@ -97,6 +97,14 @@ def test_a_running_job_is_watched_and_cancelled(
     page.goto(f"{watched.server}/#{job.id}")
     expect(page.locator("#stages [aria-current=step]")).to_be_visible(timeout=JOB_MS)
     expect(page.locator("#stage")).to_have_attribute("role", "status")
+    expect(page.locator("#elapsed")).to_contain_text("running for")
+    behind = running.client.submit(design, design, {**LONG, "label": "behind"})
+    last = running.client.submit(design, design, {**LONG, "label": "last"})
+    page.goto(f"{watched.server}/#{last.id}")
+    expect(page.locator("#elapsed")).to_contain_text("1 job of yours before it", timeout=JOB_MS)
+    for waiting in (last, behind):
+        running.client.cancel(waiting.id)
+    page.goto(f"{watched.server}/#{job.id}")
     expect(page.locator("#job-title")).to_be_focused()
     page.goto(f"{watched.server}/#")
     expect(page.locator("#job-rows tr", has_text="too long")).to_contain_text("running")
@@ -176,6 +184,7 @@ def test_what_follows_a_job_on_one_part_is_on_that_part(
     page.check("input[value=landmarks]")
     expect(page.locator("#reading")).to_be_hidden()  # the options of a registration
     watched.open(job)
+    page.click("#how > summary")
     with page.expect_request("**/v1/jobs") as sent:
         page.click("#again")
     assert sent.value.post_data_json["options"]["design_part"] == "blob"

@@ -56,6 +56,9 @@ class ReportSettings(Section):
         description="files beside results.json. full: all; light: those that programs read (landmarks.csv, "
         "aligned.ply, deviation.ply; mesh.segments.ply of one mesh), no pictures and no page; none",
     )
+    language: Literal["en", "de"] = Field(
+        "en", description="of report.html, report.pdf and the histogram: English or German"
+    )
     pdf: bool = Field(False, description="also write report.pdf: the page of report.html on A4")
     three_mf: bool = Field(
         False,

@@ -3,6 +3,7 @@ each time.
 """
 
 import csv
+import json
 import re
 from base64 import b64decode
 from html.parser import HTMLParser
@@ -21,9 +22,9 @@ from pipeline.core.results import MadeBy, Note, RegistrationResult
 from pipeline.kernels.remesh import MANY_FACES
 from pipeline.report import writers
 from pipeline.report.colormap import ColourScale
-from pipeline.report.glb import DisplayMesh, write_glb
-from pipeline.report.page import render_views
+from pipeline.report.glb import NOT_COUNTED, DisplayMesh, write_glb
 from pipeline.report.sections import legend
+from pipeline.report.shots import FOOT_PX, shoot
 from tests.support.meshes import blob_stl
 from tests.support.settings import FAST as SMALL
 from tests.support.shapes import icosphere
@@ -46,7 +47,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RegistrationRe
 class Outline(HTMLParser):
     """What a page is made of, and whether its tags close."""
 
-    VOID = frozenset({"meta", "img", "rect", "line", "br", "link", "input"})
+    VOID = frozenset({"meta", "img", "rect", "line", "br", "link", "input", "path", "circle"})
 
     def __init__(self) -> None:
         super().__init__()
@@ -156,6 +157,27 @@ def test_a_cloud_has_its_colours_too(tmp_path: Path) -> None:
     assert len(seen.vertices) == len(cloud.vertices) and (seen.colors[:, :3] == [255, 0, 0]).all()
 
 
+def test_a_cloud_has_its_deviations_too(tmp_path: Path) -> None:
+    """Read by the text of the format, as trimesh reads no attributes of points."""
+    cloud = Mesh(icosphere(5.0, 2).vertices, np.zeros((0, 3), dtype=np.int32))
+    deviation_mm = np.linspace(-1.0, 1.0, len(cloud.vertices))
+    deviation_mm[3] = np.nan
+    red = np.tile([1.0, 0, 0], (len(cloud.vertices), 1))
+    write_glb(tmp_path / "a.glb", DisplayMesh(cloud), red, deviation_mm=deviation_mm)
+    data = (tmp_path / "a.glb").read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + length])
+    number = tree["meshes"][0]["primitives"][0]["attributes"]["_DEVIATION_MM"]
+    accessor = tree["accessors"][number]
+    view = tree["bufferViews"][accessor["bufferView"]]
+    start = 20 + length + 8 + view["byteOffset"]
+    values = np.frombuffer(data[start : start + view["byteLength"]], dtype="<f4")
+    assert (accessor["count"], accessor["type"], accessor["componentType"]) == (len(values), "SCALAR", 5126)
+    assert np.allclose(values[np.arange(len(values)) != 3], np.delete(deviation_mm, 3), atol=1e-6)
+    assert values[3] == np.float32(NOT_COUNTED)
+    assert len(trimesh.load(tmp_path / "a.glb").geometry["surface"].vertices) == len(cloud.vertices)
+
+
 def test_a_scan_that_does_not_fit_has_a_page_without_deviation(tmp_path: Path) -> None:
     (tmp_path / "d.stl").write_bytes(blob_stl())
     trimesh.creation.cylinder(1.0, 60.0, sections=40).export(tmp_path / "s.stl")
@@ -187,15 +209,15 @@ def test_the_page_says_the_size_of_both_in_one_frame(made: tuple[Path, Registrat
         assert [float(word) for word in words.split(" x ")] == pytest.approx(extents, abs=0.051)
 
 
-def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_caption_says_how_wide_the_picture_is() -> None:
+def test_a_scan_larger_than_its_design_is_not_cut_off_and_the_scale_bar_is_true() -> None:
     ball, design = icosphere(10.0, 4), icosphere(2.0, 2)
-    for caption, data in render_views(ball, np.zeros((len(ball.vertices), 3)), design, count=4):
-        image = np.asarray(Image.open(BytesIO(data)).convert("L"))
-        rim = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    for shot in shoot(ball, np.zeros((len(ball.vertices), 3)), design, ["+z", "oblique"]):
+        image = np.asarray(Image.open(BytesIO(shot.data)).convert("L"))
+        rim = np.concatenate([image[0], image[-FOOT_PX], image[:, 0], image[:, -1]])
         assert (rim == 255).all() and (image < 255).any()
         across_px = np.ptp(np.flatnonzero((image < 255).any(axis=0))) + 1
-        width_mm = float(caption.split()[-3])
-        assert across_px / image.shape[1] * width_mm == pytest.approx(20.0, rel=0.01)
+        mm_per_px = float(shot.bar_words.split()[0]) / shot.bar_px
+        assert across_px * mm_per_px == pytest.approx(20.0, rel=0.01)
 
 
 @pytest.mark.parametrize("tolerance_mm", [None, 0.05, 0.4, 0.5])
@@ -214,7 +236,12 @@ def test_words_of_the_legend_lie_apart_and_are_where_the_colour_is(tolerance_mm:
 
 def test_where_distances_have_no_sign_the_legend_promises_none() -> None:
     assert "missing" not in legend(ColourScale(1.0, None), "none").words
-    assert "missing" in legend(ColourScale(1.0, None), "open").words
+    assert "missing" in legend(ColourScale(1.0, None), "closed").words
+
+
+def test_an_open_surface_has_sides_and_no_material() -> None:
+    words = legend(ColourScale(1.0, None), "open").words
+    assert "missing" not in words and "face normals" in words
 
 
 def test_landmarks_and_studies_have_a_page(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.colormap import BLUE, NOT_COUNTED, RED, ColourScale, round_up, table
+from pipeline.report.colormap import BLUE, NOT_COUNTED, RED, ColourScale, resolution_mm, round_up, table
 
 
 def lightness(rgb: np.ndarray) -> np.ndarray:
@@ -45,15 +45,16 @@ def test_within_the_tolerance_all_is_neutral_and_beyond_it_the_sign_shows() -> N
 
 
 @pytest.mark.parametrize("tolerance_mm", [None, 0.05, 0.5])
-def test_the_scale_takes_in_99_percent_and_twice_the_tolerance(tolerance_mm: float | None) -> None:
-    signed = np.random.default_rng(0).normal(0, 0.1, 10_000)
-    signed[0] = 50.0  # one stray vertex does not make all the others grey
-    scale = ColourScale.of(signed, np.ones(10_000, dtype=bool), tolerance_mm)
-    assert scale.limit_mm >= max(np.quantile(np.abs(signed), 0.99) * (1 - 1e-9), 2 * (tolerance_mm or 0))
-    assert scale.limit_mm < 2.5
+def test_the_scale_takes_in_what_is_needed_and_twice_the_tolerance(tolerance_mm: float | None) -> None:
+    scale = ColourScale.of(0.26, 0.01, tolerance_mm)
+    assert scale.limit_mm == (1.0 if tolerance_mm == 0.5 else 0.3)
+    assert ColourScale.of(0.0, 0.0, None).limit_mm > 0
 
 
-def test_a_scan_without_deviation_has_a_scale_too() -> None:
-    scale = ColourScale.of(np.zeros(5), np.ones(5, dtype=bool), None)
-    assert np.isfinite(scale.colours(np.zeros(5))).all() and scale.limit_mm > 0
-    assert ColourScale.of(np.zeros(5), np.zeros(5, dtype=bool), None).limit_mm > 0
+def test_what_no_scan_shows_has_no_colour() -> None:
+    """Rounding of a file in single precision on a part of 100 mm, without a tolerance."""
+    rounding = np.array([-3e-5, 3e-5])
+    for accuracy_mm, noise_mm, least_mm in ((None, None, 0.01), (0.02, 0.5, 0.04), (None, 0.01, 0.02)):
+        scale = ColourScale.of(3e-5, resolution_mm(accuracy_mm, noise_mm, 100.0), None)
+        assert scale.limit_mm >= least_mm
+        assert np.allclose(scale.colours(rounding), table()[128], atol=0.01)

@@ -9,7 +9,7 @@ from PIL import Image
 
 from pipeline.core.mesh import Mesh
 from pipeline.kernels.native import core
-from pipeline.report.render import AMBIENT, DOT_COLOUR, MARGIN, View, four_views, picture
+from pipeline.report.render import AMBIENT, BACK_COLOUR, DOT_COLOUR, MARGIN, Framing, View, picture, rendered
 from tests.support.shapes import box, bumpy_blob, icosphere, motion
 
 TOP = View.along("top", np.array([0.0, 0, 1]), np.array([0.0, 1, 0]))
@@ -57,24 +57,23 @@ def test_a_cloud_is_drawn_nearest_last() -> None:
     assert image[50, 50] == pytest.approx([0, 1, 0])
 
 
-def test_the_views_are_of_the_part_not_of_the_files_axes() -> None:
-    """A turned part is seen from the same sides, up to turns that its own shape allows."""
-    part = box((30.0, 20.0, 5.0), levels=2)
-    T = motion(3)
-    colours = np.tile([0.8, 0.8, 0.8], (len(part.vertices), 1))
-    shares = []
-    for mesh in (part, part.moved(T)):
-        shares.append(
-            [
-                (pixels(picture(mesh, colours, view, mesh.vertices, 120, 90)) < 0.999).mean()
-                for view in four_views(mesh)
-            ]
+def test_the_back_of_an_open_surface_is_not_taken_for_its_front() -> None:
+    square = Mesh(np.array([[0.0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    white, below = np.ones((4, 3)), View.along("below", np.array([0.0, 0, -1]), np.array([0.0, 1, 0]))
+    for view, fronts, is_back in ((TOP, 1, False), (below, 1, True), (TOP, -1, True), (below, 0, False)):
+        framing = Framing.of(view, square.vertices, 40, 40)
+        middle = rendered(square, white, framing, fronts=fronts).image[20, 20]
+        assert bool(middle.max() < 0.6) == is_back and middle == pytest.approx(
+            0.25 + 0.75 * BACK_COLOUR if is_back else np.ones(3), abs=0.02
         )
-    assert np.allclose(shares[0], shares[1], atol=0.02)
-    for view in four_views(part):
-        assert np.allclose(view.axes @ view.axes.T, np.eye(3)) and np.linalg.det(view.axes) == pytest.approx(
-            1
-        )
+
+
+def test_a_surface_hides_the_points_behind_it() -> None:
+    ball = icosphere(10.0, 4)
+    cloud = Mesh(np.array([[0.0, 0, 10], [3, 0, -9]]), np.zeros((0, 3), dtype=np.int32))
+    colours = np.array([[1.0, 0, 0], [0, 0, 1]])
+    image = rendered(cloud, colours, Framing.of(TOP, ball.vertices, 101, 101), under=ball).image
+    assert image[50, 50] == pytest.approx([1, 0, 0]) and not (image[..., 2] > image[..., 0] + 0.5).any()
 
 
 def test_the_same_bytes_each_time() -> None:

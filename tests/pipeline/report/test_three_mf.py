@@ -16,6 +16,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.settings import LoadSettings
 from pipeline.report import three_mf
 from pipeline.report.artifacts import _write_three_mf
+from pipeline.report.colormap import ColourScale
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.load import load
 from tests.support.meshes import blob_stl
@@ -88,6 +89,7 @@ def test_a_job_that_is_asked_leaves_the_aligned_scan(tmp_path: Path) -> None:
 def test_points_have_no_3mf_and_the_job_says_so(tmp_path: Path) -> None:
     cloud = Mesh(icosphere(5.0, 2).vertices)
     n = len(cloud.vertices)
-    found = _write_three_mf(tmp_path, cloud, Deviations(np.zeros(n), np.ones(n, dtype=np.bool_), None))
+    deviations = Deviations(np.zeros(n), np.ones(n, dtype=np.bool_), None)
+    found = _write_three_mf(tmp_path, cloud, deviations, ColourScale(1.0, None))
     assert found.files == () and [note.code for note in found.notes] == ["no_three_mf"]
     assert not list(tmp_path.iterdir())

@@ -9,9 +9,11 @@ from typing import Any, get_args
 import pytest
 
 from pipeline.core.reference import Reference
+from pipeline.core.report_header import ReportHeader
 from pipeline.core.results import (
     Alternative,
     Evidence,
+    Finding,
     MadeBy,
     RegistrationResult,
     ScanQuality,
@@ -19,8 +21,9 @@ from pipeline.core.results import (
     VerdictStatus,
 )
 from pipeline.report import tables
-from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, reference_table
+from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, identity
 from pipeline.report.page import MEANING, MOODS, _render
+from pipeline.report.words import Words
 
 STATUSES: tuple[VerdictStatus, ...] = get_args(VerdictStatus)
 EXAMPLE = Path(__file__).parents[3] / "openapi" / "examples" / "results.registration.json"
@@ -62,7 +65,7 @@ def test_only_ok_is_good_and_without_a_pose_it_is_bad() -> None:
 
 def test_the_evidence_is_folded_under_the_verdict_and_says_what_speaks_for_and_against() -> None:
     text = page(verdict())
-    assert "Why same part: 0.95 probability that the scan is of this design" in text
+    assert "same part: 0.95 probability that the scan is of this design" in text
     assert "pose: 0.95 probability that the pose is right" in text
     assert "residual \N{MINUS SIGN}0.90 \N{MINUS SIGN}4.00 for +0.40 RMS" in text
     assert "matched landmarks 0.20 1.00 against \N{MINUS SIGN}0.60 share" in text
@@ -88,13 +91,34 @@ def test_one_row_stands_for_all_equivalent_poses() -> None:
         Alternative(matrix=matrix, score=1.0, rmse_mm=0.1, symmetry_of_design=True, equivalent_poses=7),
         Alternative(matrix=matrix, score=1.0, rmse_mm=0.1, symmetry_of_design=True),
     ]
-    (table,) = tables.alternatives(poses, rejected=False)
-    assert [row[-1] for row in table.rows] == [
-        "alternative pose",
-        "symmetry of the design, stands for 7 equivalent poses",
-        "symmetry of the design",
-    ]
-    assert tables.alternatives(poses, rejected=True)[0].rows[0][-1] == "rejected"
+    line, table = tables.alternatives(poses, rejected=False)
+    assert isinstance(line, tables.Line) and line.text.startswith("8 besides this one, by symmetry")
+    assert isinstance(table, tables.Table) and table.title == "Alternative poses" and len(table.rows) == 1
+    assert tables.alternatives(poses[1:], rejected=False) == [line]
+    assert tables.alternatives(poses[:1], rejected=True)[0].title == "Rejected poses"
+
+
+def test_a_symmetric_design_has_no_other_pose_and_equivalent_ones_are_as_right() -> None:
+    finding = Finding(code="symmetric_design", detail="7 other poses", value=7.0)
+    text = page(verdict(findings=[finding]))
+    assert "any of them is right" in text and MEANING["ok"] not in text
+
+
+def test_without_a_pose_the_reason_is_not_buried_under_what_is_said_of_the_rejected_one() -> None:
+    reason = Finding(code="low_fitness", detail="12% of the scan lies on it", value=0.12)
+    about = Finding(code="free_motion", detail="the rotation is uncertain", value=1.0)
+    text = page(verdict("no_match", confidence=0.0, findings=[about, reason]))
+    assert text.index("low_fitness") < text.index("About the best rejected pose") < text.index("free_motion")
+    text = page(verdict("under_constrained", findings=[about, reason]))
+    assert "rejected pose" not in text and text.index("free_motion") < text.index("low_fitness")
+
+
+def test_no_two_numbers_have_the_same_words() -> None:
+    result = example()
+    assert result.deviation is not None
+    both = tables.both_ways(result.deviation, result.deviation_of_design)
+    names = [row[0] for row in (*both.rows, *tables.registration(result).rows)]
+    assert len(set(names)) == len(names) and not [name for name in names if names.count(name) > 1]
 
 
 @pytest.mark.parametrize(("stated", "words"), [(0.05, "0.05 mm"), (None, "not stated")])
@@ -140,8 +164,14 @@ def test_every_check_and_every_extreme_place_has_a_row() -> None:
     assert check_tables(None) == extreme_tables(None) == []
 
 
-def test_the_reference_names_the_part() -> None:
-    reference = Reference(serial="A-17", more={"shift": "2"})
-    (table,) = reference_table(reference)
-    assert table.rows == [("serial", "A-17"), ("shift", "2")]
-    assert reference_table(Reference()) == reference_table(None) == []
+def test_the_head_names_the_part_the_files_the_job_and_the_date() -> None:
+    header = ReportHeader(job="a1", created="2026-11-27T20:03:00+00:00").of_files(
+        design="d.stl", scan="s.ply"
+    )
+    rows = identity(Reference(serial="A-17", more={"shift": "2"}), header)
+    assert rows == [
+        *(("serial", "A-17"), ("shift", "2"), ("design", "d.stl"), ("scan", "s.ply")),
+        *(("date", "2026-11-27 20:03 UTC"), ("job", "a1")),
+    ]
+    assert ("Datum", "27.11.2026 20:03 UTC") in identity(None, header, Words("de"))
+    assert identity(None, ReportHeader()) == []
