@@ -34,11 +34,12 @@ LABEL org.opencontainers.image.title="Cusp" \
       org.opencontainers.image.licenses="GPL-3.0-only"
 # System libraries of the open3d and pymeshlab wheels. Without libopengl0, pymeshlab loads but silently lacks its
 # meshing filters: hence the check below, and one at each start of the service. Pango, HarfBuzz and a font are for
-# PDF reports; libseccomp confines jobs. The wheels link to GL and never draw with it: its drivers, and the compiler
+# PDF reports; libseccomp confines jobs; the client of the S3
+# store starts only with certificate authorities. The wheels link to GL and never draw with it: its drivers, and the compiler
 # that those bring, are removed.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
-        libegl1 libgl1 libopengl0 libusb-1.0-0 \
+        ca-certificates libegl1 libgl1 libopengl0 libusb-1.0-0 \
         libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core libseccomp2 python3 \
     && rm -rf /var/lib/apt/lists/* /var/cache/apt /usr/lib/*/dri /usr/lib/*/libLLVM* /usr/lib/*/libz3.so* \
     && groupadd --gid 10001 cusp \
