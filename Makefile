@@ -53,7 +53,7 @@ PYTEST := TMPDIR=$(TEST_TMP) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS
 test: $(READY) servers ## all tests but the nightly ones; those marked `data` need CUSP_DATA
 	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
 
-nightly: $(READY) servers ## the long tests: 2,400 broken meshes, 100,000 changed files, the C++ core under sanitizers, 300 requests an address, every kill and restart
+nightly: $(READY) servers tidy sbom ## the long tests: 2,400 broken meshes, 100,000 changed files, the C++ core under sanitizers, 300 requests an address, every kill and restart, known vulnerabilities
 	CUSP_TEST_NIGHTLY=1 $(PYTEST) -m nightly --timeout 3600
 
 coverage: $(READY) servers ## the tests of `make test` in one process, with the coverage of both packages

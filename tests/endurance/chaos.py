@@ -37,7 +37,7 @@ from sqlalchemy.exc import OperationalError
 from service.client.sync import Client
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.endurance.load_jobs import SMALL, put, small_mesh
+from tests.endurance.load_jobs import SMALLEST, put, small_mesh
 from tests.support.outages import Switch, clock_ahead, full_disk
 from tests.support.running import RunningService, ScaledService
 from tests.support.storage import S3, Postgres, running_postgres, running_s3
@@ -241,7 +241,7 @@ class Orders:
     def send(self, number: int) -> bool:
         """False when no answer came, or that of a service that is not ready."""
         key = f"order-{number}"
-        options = {**SMALL, "label": key}
+        options = {**SMALLEST, "label": key}
         body: dict[str, Any] = {"json": {"type": "landmarks", "mesh": self._blob, "options": options}}
         if number % FORM_EVERY == 0:
             data = {"type": "landmarks", "options": json.dumps(options)}
@@ -305,7 +305,7 @@ def run(kind: str, jobs: int, seed: int, faults: int) -> dict[str, Any]:
             for statement in AUDIT[kind]:
                 connection.execute(text(statement))
         begun = time.monotonic()
-        orders = Orders(victim, small_mesh())
+        orders = Orders(victim, small_mesh(1))
         fate = Fate(victim, seed, faults)
         stack.callback(fate.stop)  # before the service is stopped
         draw = random.Random(seed + 1)

@@ -15,6 +15,7 @@ from sqlalchemy.exc import OperationalError
 
 from service.contract.errors import JobCrashed, problem_of
 from service.execution.sandbox import Outcome
+from service.execution.worker import Worker
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
 from service.jobs.store import JobStore
@@ -258,16 +259,22 @@ def test_a_job_that_dies_of_a_full_disk_runs_again_when_there_is_room(
 ) -> None:
     """In the same attempt. One that dies of it again and again has filled it, and fails."""
     ends: list[str] = []
+    waits_for_room = Worker._check_room
+
+    def somebody_makes_room(worker: Worker) -> None:
+        with pytest.raises(OSError, match="no room"):
+            waits_for_room(worker)
+        monkeypatch.setattr("service.execution.worker.FULL_BYTES", 0)
 
     def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
         if ends and not fills_it_itself:
             return service.sandbox.succeed(task, on_progress, is_wanted)
         ends.append("died")
         monkeypatch.setattr("service.execution.worker.FULL_BYTES", 2**62)  # what is free is too little
-        threading.Timer(0.1, monkeypatch.setattr, ("service.execution.worker.FULL_BYTES", 0)).start()
         return Outcome("failed", problem_of(JobCrashed("exited without an answer")), 0.1, None)
 
     service.sandbox.act = act
+    monkeypatch.setattr(Worker, "_check_room", somebody_makes_room)
     job_id = service.finished()
     job = service.status(job_id)
     if fills_it_itself:
