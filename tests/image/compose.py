@@ -24,7 +24,16 @@ def default_profile(engine: Engine, folder: Path) -> str:
         engine.run_compose(*words, "up", "-d", "--no-build", CUSP_PORT=str(port))
         return _register_demo(f"http://127.0.0.1:{port}", folder / "default")
     finally:
-        engine.run_compose(*words, "down", "--volumes", "--timeout", "20", check=False, CUSP_PORT=str(port))
+        engine.run_compose(
+            *words,
+            "down",
+            "--volumes",
+            "--remove-orphans",
+            "--timeout",
+            "20",
+            check=False,
+            CUSP_PORT=str(port),
+        )
 
 
 def scale_profile(engine: Engine, folder: Path) -> str:
@@ -42,7 +51,16 @@ def scale_profile(engine: Engine, folder: Path) -> str:
         engine.run_compose(*words, *up, CUSP_API_PORT=port)
         return _register_demo(f"http://127.0.0.1:{port}", folder / "scale")
     finally:
-        engine.run_compose(*words, "down", "--volumes", "--timeout", "20", check=False, CUSP_API_PORT=port)
+        engine.run_compose(
+            *words,
+            "down",
+            "--volumes",
+            "--remove-orphans",
+            "--timeout",
+            "20",
+            check=False,
+            CUSP_API_PORT=port,
+        )
 
 
 def _register_demo(server: str, out: Path) -> str:

@@ -11,7 +11,7 @@ namespace cusp {
 
 // The numbers 0 ... count - 1 of the points (count, 3), finite; equal places keep their order.
 inline std::vector<int32_t> spatial_order(const double* points, int64_t count) {
-    constexpr int kBits = 10;  // cells along each axis: 2^10
+    constexpr unsigned kBits = 10;  // cells along each axis: 2^10
     std::array<double, 3> low{}, per_cell{};
     for (int axis = 0; axis < 3; ++axis) {
         double from = points[axis], to = points[axis];
