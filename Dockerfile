@@ -1,5 +1,5 @@
-# Any Debian-like base with glibc >= 2.35 and Python >= 3.11: debian:12-slim, ubuntu:24.04, ...
-ARG BASE=debian:12-slim
+# Any Debian-like base with glibc >= 2.35 and Python 3.11 or newer: another release, ubuntu:24.04, a mirror's copy, a digest.
+ARG BASE=debian:12.11-slim
 
 FROM ${BASE} AS builder
 RUN apt-get update \
@@ -9,17 +9,23 @@ WORKDIR /src
 # Behind a mirror, or a proxy that inspects TLS: --build-arg PIP_INDEX_URL=..., --build-arg PIP_CERT=/path/in/the/base.
 ARG PIP_INDEX_URL
 ARG PIP_CERT
-ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
-RUN python3 -m venv /opt/cusp
-# Libraries first, so that a change of our code does not download them again.
-COPY pyproject.toml constraints.txt ./
-RUN python3 -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['formats'], sep='\n')" > requirements.txt \
-    && /opt/cusp/bin/pip install --constraint constraints.txt --requirement requirements.txt
-COPY LICENSE README.md CMakeLists.txt ./
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_COMPILE=1
+# Libraries first, so that a change of our code does not download them again. Each file that is downloaded has a hash
+# in image/*.lock (`make lock` writes them), and nothing is built but our code.
+COPY image/requirements.lock image/build.lock image/
+RUN python3 -m venv /opt/cusp && python3 -m venv /opt/build \
+    && /opt/cusp/bin/pip install --require-hashes --only-binary :all: --no-deps --requirement image/requirements.lock \
+    && /opt/build/bin/pip install --require-hashes --only-binary :all: --requirement image/build.lock
+COPY image/slim.sh image/
+RUN image/slim.sh /opt/cusp
+COPY LICENSE README.md CMakeLists.txt pyproject.toml ./
 COPY pipeline pipeline
 COPY service service
-RUN /opt/cusp/bin/pip install --constraint constraints.txt . \
-    && /opt/cusp/bin/pip uninstall --yes pip \
+# What is in the image, in CycloneDX: /opt/cusp/sbom.cdx.json.
+RUN PATH=/opt/build/bin:$PATH /opt/build/bin/pip wheel --quiet --no-build-isolation --no-deps --wheel-dir /wheels . \
+    && /opt/cusp/bin/pip install --no-deps --no-index /wheels/*.whl \
+    && /opt/cusp/bin/pip uninstall --yes --quiet pip setuptools \
+    && /opt/build/bin/cyclonedx-py environment --output-reproducible --output-file /opt/cusp/sbom.cdx.json /opt/cusp/bin/python \
     && { /opt/cusp/bin/python -m compileall -q /opt/cusp/lib || true; } # some libraries ship files of other Pythons
 
 FROM ${BASE} AS runtime
@@ -28,12 +34,14 @@ LABEL org.opencontainers.image.title="Cusp" \
       org.opencontainers.image.licenses="GPL-3.0-only"
 # System libraries of the open3d and pymeshlab wheels. Without libopengl0, pymeshlab loads but silently lacks its
 # meshing filters: hence the check below, and one at each start of the service. Pango, HarfBuzz and a font are for
-# PDF reports; libseccomp confines jobs.
+# PDF reports; libseccomp confines jobs; the client of the S3
+# store starts only with certificate authorities. The wheels link to GL and never draw with it: its drivers, and the compiler
+# that those bring, are removed.
 RUN apt-get update \
     && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends \
-        libegl1 libgl1 libopengl0 libusb-1.0-0 \
+        ca-certificates libegl1 libgl1 libopengl0 libusb-1.0-0 \
         libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0 fonts-dejavu-core libseccomp2 python3 \
-    && rm -rf /var/lib/apt/lists/* \
+    && rm -rf /var/lib/apt/lists/* /var/cache/apt /usr/lib/*/dri /usr/lib/*/libLLVM* /usr/lib/*/libz3.so* \
     && groupadd --gid 10001 cusp \
     && useradd --uid 10001 --gid cusp --no-create-home --home-dir /data --shell /usr/sbin/nologin cusp \
     && install --directory --owner cusp --group cusp --mode 0700 /data

@@ -12,7 +12,8 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test nightly coverage servers check format bench image-test openapi docs clean
+.PHONY: help setup demo serve test nightly coverage servers check tidy format bench image-test lock secrets sbom \
+    openapi docs clean
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -52,7 +53,7 @@ PYTEST := TMPDIR=$(TEST_TMP) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS
 test: $(READY) servers ## all tests but the nightly ones; those marked `data` need CUSP_DATA
 	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
 
-nightly: $(READY) servers ## the long tests: 2,400 broken meshes, 100,000 changed files, the C++ core under sanitizers, 300 requests an address, every kill and restart
+nightly: $(READY) servers tidy sbom ## the long tests: 2,400 broken meshes, 100,000 changed files, the C++ core under sanitizers, 300 requests an address, every kill and restart, known vulnerabilities
 	CUSP_TEST_NIGHTLY=1 $(PYTEST) -m nightly --timeout 3600
 
 coverage: $(READY) servers ## the tests of `make test` in one process, with the coverage of both packages
@@ -81,8 +82,27 @@ format: $(READY) ## format the code and fix what ruff can fix
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i pipeline/kernels/native/*pp
 
-image-test: $(READY) ## build the image with the available engine, run it, register the demo over HTTP, stop it
+image-test: $(READY) ## build the image, run it and the compose file, register the demo through each, stop them
 	$(BIN)/python -m tests.image
+
+# The versions of constraints.txt, each with the hashes of its files: what the image is built from.
+LOCK = uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+    --constraint constraints.txt
+lock: ## write image/*.lock after a change of constraints.txt; needs uv
+	$(LOCK) --extra formats --excludes image/excluded.txt pyproject.toml -o image/requirements.lock
+	$(LOCK) image/build.in -o image/build.lock
+
+secrets: ## make the passwords of the compose file's scale profile, once
+	image/secrets.sh
+
+sbom: $(READY) ## write build/sbom.cdx.json: what the image is made of, in CycloneDX
+	@mkdir -p build
+	$(BIN)/python -m cyclonedx_py requirements image/requirements.lock --pyproject pyproject.toml \
+	    --output-reproducible --validate --output-file build/sbom.cdx.json
+
+tidy: $(READY) ## clang-tidy on the C++ core
+	$(BIN)/clang-tidy --quiet pipeline/kernels/native/*.cpp -- -std=c++20 -w \
+	    $$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_path("include"))')
 
 openapi: $(READY) ## write openapi/openapi.json and its examples
 	$(BIN)/cusp openapi

@@ -7,8 +7,10 @@ from fastapi import FastAPI
 
 from service import version
 from service.api import problems
+from service.api.batched import Batched
 from service.api.dependencies import Api
 from service.api.digests import DigestCheck
+from service.api.job_notices import change_notices
 from service.api.job_watch import JobWatch
 from service.api.middleware.body_limit import BodyLimit
 from service.api.middleware.gunzip import Gunzip
@@ -36,18 +38,21 @@ def create_app(settings: ServiceSettings) -> FastAPI:
         with ExitStack() as stack:
             stack.callback(engine.dispose)
             jobs = JobStore(engine)
-            watch = JobWatch(jobs, settings.tenant_watcher_limit)
+            keys = KeyStore(engine)
+            watch = JobWatch(jobs, settings.tenant_watcher_limit, change_notices(settings.database))
             app.state.api = Api(
                 settings,
                 jobs,
                 BlobStore(settings.blobs),
-                KeyStore(engine),
+                keys,
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),
                 Guard.of(settings.webhook_networks),
                 Guard.of(settings.mesh_networks, "CUSP_MESH_NETWORKS"),
                 Rates(settings.rate_limit_per_s),
                 watch,
+                Batched(keys.callers),
+                Batched(jobs.kept),
             )
             yield
             await watch.close()

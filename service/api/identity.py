@@ -2,7 +2,7 @@
 handler.
 """
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Annotated
 
 import structlog
@@ -21,17 +21,17 @@ _bearer = HTTPBearer(
 )
 
 
-def _authenticate(
+async def _authenticate(
     request: Request,
     api: UseApi,
     credentials: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
 ) -> Caller:
     address = request.client.host if request.client else "unknown"
-    if not api.keys.are_required():
+    caller = await api.callers.get("" if credentials is None else credentials.credentials)
+    if caller is ANYBODY:
         api.rates.count(address)
         check_origin(request, allow_open=api.settings.allow_open)
         return ANYBODY
-    caller = None if credentials is None else api.keys.caller(credentials.credentials)
     api.rates.count(address if caller is None else f"key {caller.key_id}")
     if credentials is None:
         reason = (
@@ -46,8 +46,8 @@ def _authenticate(
     return caller
 
 
-def _with(scope: Scope) -> Callable[[Caller], Caller]:
-    def caller(who: Annotated[Caller, Depends(_authenticate)]) -> Caller:
+def _with(scope: Scope) -> Callable[[Caller], Awaitable[Caller]]:
+    async def caller(who: Annotated[Caller, Depends(_authenticate)]) -> Caller:
         if not who.may(scope):
             has = ", ".join(sorted(who.scopes)) or "none"
             raise Forbidden(f"this needs a key with the scope {scope}; the key {who.key_id} has {has}")

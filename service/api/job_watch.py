@@ -2,23 +2,30 @@
 
 Each watcher that asked the database itself would cost it a query every 0.1 s. Here one task asks for what
 changed of all watched jobs, loads a row when it changed, and wakes its watchers, a few at a time, so that
-other requests are answered in between.
+other requests are answered in between. PostgreSQL says itself which jobs changed; while it cannot, and with
+SQLite, the task asks every 0.1 s.
 """
 
 import asyncio
+import time
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 
 from fastapi.concurrency import run_in_threadpool
+from fastapi.sse import format_sse_event
 
+from service.api.job_notices import JobNotices
 from service.contract.errors import TooManyWatchers
 from service.jobs.models import JobRow
 from service.jobs.store import JobStore
 from service.jobs.views import job_of
 
-INTERVAL_S = 0.1
+INTERVAL_S = 0.1  # between two looks
+#: Between two looks at all watched jobs while the database tells of changes, should a notice get lost.
+SAFETY_INTERVAL_S = 2.0
+PING_INTERVAL_S = 15.0  # of streams without an event, so that proxies keep them open
 BATCH = 20  # watchers that are woken at once, before other requests have a turn
 #: Watchers of one job that are woken in a second, beyond the first BATCH. To send an event takes some 0.3 ms
 #: of the processor: more would leave no time for other requests. Those who wait get the newest state.
@@ -36,20 +43,20 @@ class WatchedJob:
     error: Exception | None = None
     waking: "asyncio.Task[None] | None" = None
     _json: str | None = None
-    _waiting: list["asyncio.Future[None]"] = field(default_factory=list)
+    _event: bytes | None = None
+    _waiting: dict["asyncio.Future[None]", None] = field(default_factory=dict)  # in their order
 
     async def newer(self, version: int, timeout_s: float | None = None) -> bool:
         """Wait for a version after `version`; False if none came in time. Raises what the database raised."""
         if self.version <= version and self.error is None:
             woken = asyncio.get_running_loop().create_future()
-            self._waiting.append(woken)
+            self._waiting[woken] = None
             try:
                 await asyncio.wait_for(woken, timeout_s)
             except TimeoutError:
                 pass
             finally:
-                if woken in self._waiting:
-                    self._waiting.remove(woken)
+                self._waiting.pop(woken, None)
         if self.error is not None:
             raise self.error
         return self.version > version
@@ -61,11 +68,17 @@ class WatchedJob:
             self._json = job_of(self.row).model_dump_json()
         return self._json
 
+    def as_event(self) -> bytes:
+        """The same as a server-sent event."""
+        if self._event is None:
+            self._event = format_sse_event(event="status", data_str=self.as_json())
+        return self._event
+
     async def changed(self, row: JobRow | None, error: Exception | None) -> None:
         """Note the change and wake the watchers."""
-        self.row, self.error, self._json = row, error, None
+        self.row, self.error, self._json, self._event = row, error, None, None
         self.version += 1
-        waiting, self._waiting = self._waiting, []
+        waiting, self._waiting = self._waiting, {}
         for number, woken in enumerate(waiting):
             if not woken.done():
                 woken.set_result(None)
@@ -76,8 +89,12 @@ class WatchedJob:
 class JobWatch:
     """Of one event loop."""
 
-    def __init__(self, jobs: JobStore, tenant_limit: int) -> None:
-        self._jobs, self._tenant_limit = jobs, tenant_limit
+    def __init__(self, jobs: JobStore, tenant_limit: int, notices: JobNotices | None = None) -> None:
+        self._jobs, self._tenant_limit, self._notices = jobs, tenant_limit, notices
+        self._due: set[str] = set()  # jobs to look at
+        self._all_due_at = 0.0  # monotonic; when to look at all of them
+        self._wake = asyncio.Event()
+        self._listener: asyncio.Task[None] | None = None
         self._watched: dict[str, WatchedJob] = {}
         self._by_tenant: Counter[str] = Counter()
         self._task: asyncio.Task[None] | None = None
@@ -92,6 +109,10 @@ class JobWatch:
         watched = self._watched.setdefault(job_id, WatchedJob())
         watched.watchers += 1
         self._by_tenant[tenant] += 1
+        if watched.version == 0:
+            self._note(job_id)
+        if self._notices is not None and self._listener is None:
+            self._listener = asyncio.create_task(self._notices.listen(self._note))
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._run())
         try:
@@ -112,14 +133,42 @@ class JobWatch:
 
     async def close(self) -> None:
         """Stop looking."""
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        for task in (self._task, self._listener):
+            if task is not None:
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
+
+    def _note(self, job_id: str | None) -> None:
+        """A job has changed; None: any may have."""
+        if job_id is None:
+            self._all_due_at = 0.0
+        elif job_id in self._watched:
+            self._due.add(job_id)
+        else:
+            return
+        self._wake.set()
+
+    def _take_due(self) -> dict[str, WatchedJob]:
+        due, self._due = self._due, set()
+        self._wake.clear()
+        is_told = self._notices is not None and self._notices.is_listening
+        now = time.monotonic()
+        if not is_told or now >= self._all_due_at:
+            self._all_due_at = now + SAFETY_INTERVAL_S if is_told else 0.0
+            return dict(self._watched)
+        return {job_id: self._watched[job_id] for job_id in due if job_id in self._watched}
+
+    async def _pause(self) -> None:
+        """Until the next look: at once after a notice, but not sooner than INTERVAL_S after the last one."""
+        await asyncio.sleep(INTERVAL_S)
+        if self._all_due_at > 0.0:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), max(0.0, self._all_due_at - time.monotonic()))
 
     async def _run(self) -> None:
         while self._watched:
-            watched = dict(self._watched)
+            watched = self._take_due()
             try:
                 seen = await run_in_threadpool(self._jobs.fingerprints, list(watched))
             except Exception as error:
@@ -129,13 +178,14 @@ class JobWatch:
             else:
                 for job_id, each in watched.items():
                     await self._look(job_id, each, seen.get(job_id))
-            await asyncio.sleep(INTERVAL_S)
+            await self._pause()
 
     async def _look(self, job_id: str, watched: WatchedJob, seen: tuple[object, ...] | None) -> None:
         if watched.version > 0 and seen == watched.seen:
             return
         if watched.waking is not None and not watched.waking.done():
-            return  # its many watchers hear of the last change first, which others need not wait for
+            self._note(job_id)  # its many watchers hear of the last change first; others need not wait
+            return
         row, error = None, None
         if seen is not None:
             try:

@@ -1,5 +1,6 @@
 """Runs each job that the queue brings, from its claim to the publication of its results."""
 
+import errno
 import shutil
 import threading
 import time
@@ -38,6 +39,8 @@ from service.storage.design_cache import DesignCache
 from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
 from service.webhooks.mesh_fetch import MeshFetcher, without_query
 
+FULL_BYTES = 4 * 2**20  # with less free space, a process that died is taken to have died of that
+FULL_DISK_RUNS = 3  # of one attempt: then the job is taken for what fills the disk
 Returned = TypeVar("Returned")
 NO_LETTERHEAD = Letterhead()
 log = structlog.get_logger()
@@ -166,6 +169,23 @@ class Worker:
         self._retry(lambda: self._jobs.fail(row.id, row.attempt, problem, heart.newest), heart)
 
     def _compute(self, row: JobRow, folder: Path, heart: Heartbeat) -> Outcome:
+        """Run the job; again, when there is room, if its process died because the disk was full."""
+        runs = 1
+        while True:
+            outcome = self._run_process(row, folder, heart)
+            is_own_fault = outcome.problem is None or outcome.problem.status < 500
+            if is_own_fault or runs == FULL_DISK_RUNS or shutil.disk_usage(folder).free >= FULL_BYTES:
+                return outcome
+            log.warning("no room is left on the disk: the job waits for room and runs again", runs=runs)
+            shutil.rmtree(folder, ignore_errors=True)
+            self._retry(self._check_room, heart)
+            runs += 1
+
+    def _check_room(self) -> None:
+        if shutil.disk_usage(self._scratch).free < FULL_BYTES:
+            raise OSError(errno.ENOSPC, "no room for the files of a job")
+
+    def _run_process(self, row: JobRow, folder: Path, heart: Heartbeat) -> Outcome:
         folder.mkdir(parents=True, exist_ok=True)
         try:
             task = self._task(row, folder, heart)

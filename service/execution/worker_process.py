@@ -18,7 +18,6 @@ from service.execution.worker import Worker
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.liveness import DEAD_AFTER_MS, WORKER_HEARTBEAT_S
 from service.jobs.metrics import Metrics
-from service.jobs.models import now_ms
 from service.jobs.queue import DbosQueue, DbosRunner
 from service.jobs.reaper import Reaper
 from service.jobs.retention import Retention
@@ -123,7 +122,7 @@ def _check_measures(measures: Measures, *, is_required: bool) -> None:
 def _is_taken(jobs: JobStore, worker_id: str) -> bool:
     """True if another process writes heartbeats under this name: the two would take each other's jobs."""
     heard_ms = jobs.worker_heard_ms(worker_id)
-    if heard_ms is None or heard_ms < now_ms() - 60_000:
+    if heard_ms is None or heard_ms < jobs.now_ms() - 60_000:
         return False
     time.sleep(2.5 * WORKER_HEARTBEAT_S)
     return jobs.worker_heard_ms(worker_id) != heard_ms

@@ -14,8 +14,9 @@ from sqlalchemy import Engine, Float, String, func, select, text, type_coerce
 from sqlalchemy.orm import Mapped, Session, mapped_column, sessionmaker
 
 from service.contract.schemas import Status
+from service.jobs.clock import clock_of
 from service.jobs.liveness import DEAD_AFTER_MS
-from service.jobs.models import Base, JobRow, WorkerRow, now_ms
+from service.jobs.models import Base, JobRow, WorkerRow
 
 #: name -> its label, what it counts
 COUNTERS: dict[str, tuple[str, str]] = {
@@ -66,6 +67,7 @@ class Metrics(Collector):
     def __init__(self, engine: Engine, data_dir: Path) -> None:
         self._engine, self._data_dir = engine, data_dir
         self._session = sessionmaker(engine)
+        self._clock_ms = clock_of(engine)
 
     def add(self, name: str, amounts: Mapping[str, float]) -> None:
         """Add to counters of one name. amounts : by label"""
@@ -101,7 +103,7 @@ class Metrics(Collector):
             alive = session.scalar(
                 select(func.count())
                 .select_from(WorkerRow)
-                .where(WorkerRow.heartbeat_ms >= now_ms() - DEAD_AFTER_MS)
+                .where(WorkerRow.heartbeat_ms >= self._clock_ms() - DEAD_AFTER_MS)
             )
         for name, (label, words) in COUNTERS.items():
             family = CounterMetricFamily(name, words, labels=[label])
@@ -118,7 +120,7 @@ class Metrics(Collector):
         for word in Status:
             jobs.add_metric([word.value], by_status.get(word.value, 0))
         yield jobs
-        waited_s = 0.0 if oldest is None else max(0.0, (now_ms() - oldest) / 1000)
+        waited_s = 0.0 if oldest is None else max(0.0, (self._clock_ms() - oldest) / 1000)
         yield GaugeMetricFamily(
             "cusp_queue_oldest_seconds", "age of the job that waits longest; 0: none", waited_s
         )

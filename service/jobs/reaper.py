@@ -7,7 +7,7 @@ import structlog
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import Status
 from service.jobs.liveness import DEAD_AFTER_MS
-from service.jobs.models import MAX_CRASHES, JobRow, now_ms
+from service.jobs.models import MAX_CRASHES, JobRow
 from service.jobs.queue import Queue
 from service.jobs.store import JobStore
 from service.storage.retry import DATABASE_UNAVAILABLE
@@ -29,11 +29,11 @@ class Reaper:
 
     def sweep(self) -> None:
         """One pass over all running and waiting jobs."""
-        since_ms = now_ms() - DEAD_AFTER_MS
+        since_ms = self._jobs.now_ms() - DEAD_AFTER_MS
         for job_id in self._jobs.orphans(silent_since_ms=since_ms):
             if (row := self._reassign(job_id, lambda row: (row.heartbeat_ms or 0) < since_ms)) is not None:
                 self._requeue(row.id, row.rank)
-        waiting = self._jobs.waiting_since(now_ms() - LOST_AFTER_MS)
+        waiting = self._jobs.waiting_since(self._jobs.now_ms() - LOST_AFTER_MS)
         if not waiting:
             return
         entries, alive = self._queue.entries(), self._jobs.live_workers(DEAD_AFTER_MS)

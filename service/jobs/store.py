@@ -1,6 +1,6 @@
 """Jobs in the database: stored once, found, listed and counted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import structlog
 from sqlalchemy import String, func, select, type_coerce
@@ -18,6 +18,11 @@ from service.jobs.workers import WorkerRegistry
 
 ID_BATCH = 500  # of one query: databases limit its parameters
 log = structlog.get_logger()
+
+
+def batched(job_ids: Sequence[str]) -> Iterator[Sequence[str]]:
+    """In pieces of ID_BATCH."""
+    return (job_ids[first : first + ID_BATCH] for first in range(0, len(job_ids), ID_BATCH))
 
 
 class JobStore(
@@ -102,14 +107,22 @@ class JobStore(
         row = self.find(job_id)
         return None if row is None or row.removed_ms is not None else row
 
+    def kept(self, job_ids: Sequence[str]) -> dict[str, JobRow]:
+        """The jobs of these ids, of any tenant, without those that are unknown or removed."""
+        found: dict[str, JobRow] = {}
+        with self._session() as session:
+            for some in batched([job_id for job_id in job_ids if "\0" not in job_id]):
+                query = select(JobRow).where(JobRow.id.in_(some), JobRow.removed_ms.is_(None))
+                found |= {row.id: row for row in session.scalars(query)}
+        return found
+
     def fingerprints(self, job_ids: Sequence[str]) -> dict[str, tuple[object, ...]]:
         """Of each job that is not removed: values that change whenever its status document does."""
         found: dict[str, tuple[object, ...]] = {}
         status = type_coerce(JobRow.status, String)  # a later version may have other words
         columns = (JobRow.id, status, JobRow.stage, JobRow.progress, JobRow.message, JobRow.attempt)
         with self._session() as session:
-            for first in range(0, len(job_ids), ID_BATCH):
-                some = job_ids[first : first + ID_BATCH]
+            for some in batched(job_ids):
                 query = select(*columns).where(JobRow.id.in_(some), JobRow.removed_ms.is_(None))
                 found |= {row[0]: tuple(row) for row in session.execute(query)}
         return found

@@ -16,8 +16,9 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, mapped_column, sessionmaker
 
 from service.contract.schemas import Delivery, DeliveryAttempt, DeliveryList, DeliveryState
+from service.jobs.clock import clock_of
 from service.jobs.deliveries import DeliveryRow
-from service.jobs.models import Base, now_ms
+from service.jobs.models import Base
 from service.jobs.views import time_of
 
 #: Seconds from a failed attempt to the next, as Standard Webhooks recommends: about two days in all.
@@ -85,9 +86,9 @@ def delivery_of(row: DeliveryRow) -> Delivery:
 class Deliveries:
     """The messages and secrets of one database. Safe to share between threads."""
 
-    def __init__(self, engine: Engine, clock_ms: Callable[[], int] = now_ms) -> None:
+    def __init__(self, engine: Engine, clock_ms: Callable[[], int] | None = None) -> None:
         self._session = sessionmaker(engine, expire_on_commit=False)
-        self._clock_ms = clock_ms
+        self._clock_ms = clock_ms or clock_of(engine)
 
     def of_job(self, job_id: str) -> Sequence[DeliveryRow]:
         """A job's messages, oldest first."""

@@ -1,23 +1,29 @@
-"""A hundred jobs while a worker, the API or everything is killed with -9 at random moments: `python -m
-tests.endurance.chaos`
+"""A thousand small jobs while what they need fails at random moments: `python -m tests.endurance.chaos`
 
-On SQLite and files it is `cusp up`; on PostgreSQL and S3 an API and two workers. The kills come from a thread
-of their own, so that requests are cut in flight. Every job is sent with an `Idempotency-Key` and sent again
-until an answer came, as a careful client does. After the last kill the rest is done in peace. At the end: one
-job a key, each final, each with the results of one attempt, every file with the digest that its list tells,
-and a trigger in the database has counted how often each became final. A job that three workers died of has
-failed, with that as its reason.
+On SQLite and files it is `cusp up`; on PostgreSQL and S3 an API and two workers, of which one has a clock
+that is a minute ahead. A worker, the API or everything is killed with -9, a worker is paused for longer
+than others wait for it, the disk is full, the database restarts, the store answers 503 for a minute; each
+in turn, from a thread of its own, so that requests are cut in flight. Every job is sent with an
+`Idempotency-Key` and sent again until an answer came, as a careful client does. After the last fault the
+rest is done in peace. At the end: one job a key, each final, each with the results of one attempt, every
+file with the digest that its list tells, and a trigger in the database has counted how often each became
+final. A job that three workers died of has failed, with that as its reason.
 """
 
 import argparse
 import hashlib
 import json
+import os
 import random
+import subprocess
 import tempfile
 import threading
 import time
 from abc import ABC, abstractmethod
-from contextlib import ExitStack, suppress
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +32,26 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 from sqlalchemy import Engine, text
+from sqlalchemy.exc import OperationalError
 
 from service.client.sync import Client
 from service.settings import ServiceSettings
 from service.storage.database import open_database
-from tests.support.meshes import blob_stl
-from tests.support.running import QUICK, RunningService, ScaledService
+from tests.endurance.load_jobs import SMALLEST, put, small_mesh
+from tests.support.outages import Switch, clock_ahead, full_disk
+from tests.support.running import RunningService, ScaledService
 from tests.support.storage import S3, Postgres, running_postgres, running_s3
 
-PAUSE_S = (3.0, 10.0)  # between two kills
-PACE_S = 0.2  # between two requests, on average
-GIVE_UP_S = 1200
+PAUSE_S = (3.0, 10.0)  # between two faults
+PACE_S = 0.05  # between two requests, on average
+GIVE_UP_S = 7200
+PAUSED_S = 20.0  # of a worker; the others wait for 15 s
+DISK_FULL_S = 10.0
+DATABASE_AWAY_S = 3.0
+STORE_AWAY_S = 60.0
+CLOCK_AHEAD_S = 60
+DISK_MIB = 512  # of the file system that gets full
+FORM_EVERY = 10  # so many jobs bring their mesh themselves; the others name one that was sent before
 AUDIT = {
     "sqlite": [
         "CREATE TABLE audit (id TEXT, status TEXT)",
@@ -55,15 +70,18 @@ AUDIT = {
 
 
 class Victim(ABC):
-    """A service that can be killed in part or whole, and comes back."""
+    """A service that fails in part or whole, and comes back."""
+
+    #: What can happen to it: `strike` knows these words.
+    faults: tuple[str, ...]
 
     @property
     @abstractmethod
     def client(self) -> Client: ...
 
     @abstractmethod
-    def kill(self, what: str, draw: random.Random) -> None:
-        """`worker`, `api` or `everything`; returns when what nobody else starts again was started."""
+    def strike(self, what: str, draw: random.Random) -> None:
+        """Returns when the fault is over, and what nobody else starts again was started."""
 
     @abstractmethod
     def stop(self) -> None: ...
@@ -72,25 +90,34 @@ class Victim(ABC):
 class Embedded(Victim):
     """`cusp up`, which starts its parts again itself."""
 
-    def __init__(self, data_dir: Path) -> None:
-        self._data_dir = data_dir
-        self.database = ServiceSettings(data_dir=data_dir).database
+    faults = ("kill worker", "kill api", "kill everything", "pause worker", "disk full")
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.database = ServiceSettings(data_dir=folder / "data").database
         self._running = self._start()
 
     def _start(self) -> RunningService:
-        return RunningService(self._data_dir, CUSP_JOBS="2", CUSP_LOG_LEVEL="warning")
+        return RunningService(
+            self._folder / "data", CUSP_JOBS="2", CUSP_LOG_LEVEL="warning", CUSP_MIN_FREE_DISK_MIB="16"
+        )
 
     @property
     def client(self) -> Client:
         return self._running.client
 
-    def kill(self, what: str, draw: random.Random) -> None:
-        if what == "everything":
+    def strike(self, what: str, draw: random.Random) -> None:
+        if what == "kill everything":
             self._running.kill_everything()
             self._running = self._start()
+        elif what == "disk full":
+            with full_disk(self._folder):
+                time.sleep(DISK_FULL_S)
         else:
+            act, part = what.split()
             with suppress(psutil.NoSuchProcess):
-                self._running.part(what).kill()
+                process = self._running.part(part)
+                process.kill() if act == "kill" else pause(process)
 
     def stop(self) -> None:
         self._running.stop()
@@ -99,8 +126,19 @@ class Embedded(Victim):
 class Scaled(Victim):
     """An API and two workers; a part that is killed is started again, as an orchestrator would."""
 
+    faults = ("kill worker", "kill api", "kill everything", "pause worker", "restart database", "store 503")
+
     def __init__(self, folder: Path, server: Postgres, s3: S3) -> None:
-        self._scaled = ScaledService(folder, server, s3, 2, CUSP_LOG_LEVEL="warning")
+        self._server, self._way = server, Switch(s3.endpoint)
+        self._ahead = {"worker-1": clock_ahead(CLOCK_AHEAD_S)}
+        self._scaled = ScaledService(
+            folder,
+            server,
+            replace(s3, endpoint=self._way.endpoint),
+            2,
+            self._ahead,
+            CUSP_LOG_LEVEL="warning",
+        )
         self.database = ServiceSettings.model_validate(
             {"database_url": self._scaled.environment["CUSP_DATABASE_URL"]}
         ).database
@@ -109,7 +147,22 @@ class Scaled(Victim):
     def client(self) -> Client:
         return self._scaled.client
 
-    def kill(self, what: str, draw: random.Random) -> None:
+    def strike(self, what: str, draw: random.Random) -> None:
+        match what:
+            case "restart database":
+                self._server.stop()
+                time.sleep(DATABASE_AWAY_S)
+                self._server.start()
+            case "store 503":
+                self._way.close()
+                time.sleep(STORE_AWAY_S)
+                self._way.reopen()
+            case "pause worker":
+                pause(draw.choice(self._scaled.workers))
+            case _:
+                self._kill(what.removeprefix("kill "), draw)
+
+    def _kill(self, what: str, draw: random.Random) -> None:
         service = self._scaled
         numbers = range(len(service.workers))
         workers = (
@@ -129,28 +182,38 @@ class Scaled(Victim):
 
     def stop(self) -> None:
         self._scaled.stop()
+        self._way.stop()
 
 
-class Killer:
-    """Kills, from a thread of its own, until it was often enough or `stop`."""
+def pause(process: psutil.Process) -> None:
+    """As if its machine slept."""
+    process.suspend()
+    time.sleep(PAUSED_S)
+    process.resume()
 
-    def __init__(self, victim: Victim, seed: int, kills: int) -> None:
-        self._victim, self._draw, self._left = victim, random.Random(seed), kills
-        self.kills: dict[str, int] = {"worker": 0, "api": 0, "everything": 0}
+
+class Fate:
+    """Strikes, from a thread of its own, until it was often enough or `stop`."""
+
+    def __init__(self, victim: Victim, seed: int, strikes: int) -> None:
+        self._victim, self._draw, self._left = victim, random.Random(seed), strikes
+        self.strikes: Counter[str] = Counter()
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self) -> None:
+        turns: list[str] = []
         while self._left > 0 and not self._end.wait(self._draw.uniform(*PAUSE_S)):
-            what = self._draw.choice(list(self.kills))
-            self.kills[what] += 1
+            turns = turns or self._draw.sample(self._victim.faults, len(self._victim.faults))
+            what = turns.pop()
+            self.strikes[what] += 1
             self._left -= 1
-            self._victim.kill(what, self._draw)
+            self._victim.strike(what, self._draw)
 
     @property
     def is_busy(self) -> bool:
-        """True while there are kills to come."""
+        """True while there are faults to come."""
         return self._thread.is_alive()
 
     def stop(self) -> None:
@@ -166,30 +229,39 @@ class Orders:
     once more later.
     """
 
-    def __init__(self, victim: Victim, design: bytes, scan: bytes) -> None:
-        self._victim = victim
-        self._files = {"design": ("d.stl", design), "scan": ("s.stl", scan)}
+    def __init__(self, victim: Victim, mesh: bytes) -> None:
+        self._victim, self._mesh = victim, mesh
+        with httpx.Client(base_url=victim.client.server, timeout=60) as client:
+            self._blob = put(client, mesh, "s.stl")
         self.known: dict[str, str] = {}
         self.cut = 0  # requests without an answer
+        self.refused = 0  # answers that something is away for now
         self.changed = 0  # orders that were answered with another job than before
 
-    def send(self, key: str) -> bool:
+    def send(self, number: int) -> bool:
         """False when no answer came, or that of a service that is not ready."""
+        key = f"order-{number}"
+        options = {**SMALLEST, "label": key}
+        body: dict[str, Any] = {"json": {"type": "landmarks", "mesh": self._blob, "options": options}}
+        if number % FORM_EVERY == 0:
+            data = {"type": "landmarks", "options": json.dumps(options)}
+            body = {"files": {"mesh": ("s.stl", self._mesh)}, "data": data}
         try:
             answer = httpx.post(
                 f"{self._victim.client.server}/v1/jobs",
-                files=self._files,
-                data={"options": json.dumps({**QUICK, "label": key})},
+                **body,
                 headers={"Idempotency-Key": key},
                 timeout=20,
             )
         except httpx.TransportError:
             self.cut += 1
             return False
-        assert answer.status_code in (202, 503), answer.text
-        if answer.status_code == 202:
-            self.changed += self.known.setdefault(key, answer.json()["id"]) != answer.json()["id"]
-        return answer.status_code == 202
+        assert answer.status_code in (202, 503, 507), answer.text
+        if answer.status_code != 202:
+            self.refused += 1
+            return False
+        self.changed += self.known.setdefault(key, answer.json()["id"]) != answer.json()["id"]
+        return True
 
 
 def is_whole(client: Client, job_id: str, folder: Path) -> bool:
@@ -201,21 +273,31 @@ def is_whole(client: Client, job_id: str, folder: Path) -> bool:
     return True
 
 
+def code_of(row: Any) -> str:
+    """The code of the error of a job; empty without one. SQLite returns JSON as text."""
+    error = json.loads(row.error) if isinstance(row.error, str) else row.error
+    return str(error["code"]) if error else ""
+
+
 def final_ids(engine: Engine) -> set[str]:
+    """Empty while the database is away."""
     query = "SELECT id FROM jobs WHERE status IN ('successful', 'failed', 'dismissed')"
-    with engine.connect() as connection:
-        return set(connection.scalars(text(query)))
+    try:
+        with engine.connect() as connection:
+            return set(connection.scalars(text(query)))
+    except OperationalError:
+        return set()
 
 
-def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
-    """One service of a kind of storage, killed until all its jobs are done."""
+def run(kind: str, jobs: int, seed: int, faults: int) -> dict[str, Any]:
+    """One service of a kind of storage, struck until all its jobs are done."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         if kind == "postgresql":
             server, s3 = stack.enter_context(running_postgres()), stack.enter_context(running_s3())
             victim: Embedded | Scaled = Scaled(folder, server, s3)
         else:
-            victim = Embedded(folder / "data")
+            victim = Embedded(stack.enter_context(small_disk(folder)))
         stack.callback(lambda: victim.stop())
         engine = open_database(victim.database)
         stack.callback(engine.dispose)
@@ -223,60 +305,81 @@ def run(kind: str, jobs: int, seed: int, kills: int) -> dict[str, Any]:
             for statement in AUDIT[kind]:
                 connection.execute(text(statement))
         begun = time.monotonic()
-        killer = Killer(victim, seed, kills)
-        stack.callback(killer.stop)  # before the service is stopped
-        orders = Orders(victim, blob_stl(), blob_stl(23, 37, turn_deg=25.0, shift_mm=(4, -3, 2)))
+        orders = Orders(victim, small_mesh(1))
+        fate = Fate(victim, seed, faults)
+        stack.callback(fate.stop)  # before the service is stopped
         draw = random.Random(seed + 1)
         for number in range(jobs):
-            while not orders.send(f"order-{number}"):
-                time.sleep(0.05)
+            while not orders.send(number):
+                time.sleep(0.2)
             time.sleep(draw.uniform(0.0, 2.0 * PACE_S))
-        while (len(final_ids(engine)) < jobs or killer.is_busy) and time.monotonic() - begun < GIVE_UP_S:
-            orders.send(draw.choice(list(orders.known)))
-            time.sleep(draw.uniform(0.0, 2.0 * PACE_S))
+        while (len(final_ids(engine)) < jobs or fate.is_busy) and time.monotonic() - begun < GIVE_UP_S:
+            orders.send(draw.randrange(jobs))
+            time.sleep(0.5)
         seconds = time.monotonic() - begun
-        killer.stop()
+        fate.stop()
         while not victim.client.is_ready():
             time.sleep(0.1)
         with engine.connect() as connection:
-            rows = connection.execute(text("SELECT id, status, attempt, published_attempt FROM jobs")).all()
+            rows = connection.execute(text("SELECT id, status, attempt, error FROM jobs")).all()
             audit = connection.execute(text("SELECT id, count(*) FROM audit GROUP BY id")).all()
         whole = sum(is_whole(victim.client, row.id, folder) for row in rows if row.status == "successful")
         return {
             "storage": kind,
             "jobs": jobs,
-            **{f"kills of {what}": count for what, count in killer.kills.items()},
+            **dict(sorted(fate.strikes.items())),
             "requests cut": orders.cut,
+            "requests refused for now": orders.refused,
             "lost": len(set(orders.known.values()) - final_ids(engine)),
             "twice": len(rows) - jobs + orders.changed + sum(count > 1 for _, count in audit),
+            "left running": sum(row.status in ("accepted", "running") for row in rows),
             "successful": sum(row.status == "successful" for row in rows),
             "every file with its digest": whole,
             "failed": sum(row.status == "failed" for row in rows),
+            **{
+                f"failed: {code}": count
+                for code, count in sorted(Counter(map(code_of, rows)).items())
+                if code
+            },
             "run again": sum(row.attempt > 1 for row in rows),
             "seconds": round(seconds),
+            "load of the machine": round(os.getloadavg()[0], 1),
         }
+
+
+@contextmanager
+def small_disk(folder: Path) -> Iterator[Path]:
+    """A file system of its own, in memory, that can be filled. Needs root."""
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_MIB}m,mode=700", "tmpfs", folder], check=True)
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", folder], check=False)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--jobs", type=int, default=100)
+    parser.add_argument("--jobs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kills", type=int, default=20, help="at most so many")
+    parser.add_argument("--faults", type=int, default=18, help="at most so many")
     parser.add_argument("--storage", choices=["sqlite", "postgresql", "both"], default="both")
     options = parser.parse_args()
     kinds = ["sqlite", "postgresql"] if options.storage == "both" else [options.storage]
-    found = [run(kind, options.jobs, options.seed, options.kills) for kind in kinds]
-    table = Table("what", *(each["storage"] for each in found), title="Killed with -9 at random moments")
-    for what in found[0]:
-        table.add_row(what, *(str(each[what]) for each in found))
+    found = [run(kind, options.jobs, options.seed, options.faults) for kind in kinds]
+    table = Table("what", *(each["storage"] for each in found), title="Faults at random moments")
+    for what in dict.fromkeys(what for each in found for what in each):
+        table.add_row(what, *(str(each.get(what, "-")) for each in found))
     Console().print(table)
     if any(
-        each["lost"] or each["twice"] or each["every file with its digest"] != each["successful"]
+        each["lost"]
+        or each["twice"]
+        or each["left running"]
+        or each["every file with its digest"] != each["successful"]
         for each in found
     ):
-        raise SystemExit("jobs were lost, or done twice, or their files are not what they were")
+        raise SystemExit("jobs were lost, done twice or left, or their files are not what they were")
 
 
 if __name__ == "__main__":

@@ -44,8 +44,12 @@ def put(http_client: httpx.Client, content: bytes, name: str) -> dict[str, str]:
     }
 
 
-def small_mesh() -> bytes:
-    mesh = icosphere(10.0, 2)
+#: The least that a job can do: a few hundredths of a second of work.
+SMALLEST = {"settings": {**SMALL["settings"], "resample": {"enabled": False}}}
+
+
+def small_mesh(subdivisions: int = 2) -> bytes:
+    mesh = icosphere(10.0, subdivisions)
     corners = (mesh.vertices * [1.0, 0.8, 0.6])[mesh.faces].astype("<f4")
     records = np.zeros(
         len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")]

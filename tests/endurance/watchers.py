@@ -17,6 +17,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
+
 from service.contract.schemas import Status
 from service.jobs.models import JobRow, new_id
 from service.jobs.store import JobStore
@@ -66,8 +68,13 @@ async def poll(port: int, job_id: str, stop: asyncio.Event, every_s: float, took
     writer.close()
 
 
-async def measure(port: int, jobs: JobStore, job_id: str, watchers: int, polls: int, seconds: float) -> None:
-    """Print the times of polls without and with the watchers."""
+async def measure(
+    api: psutil.Process, port: int, jobs: JobStore, job_id: str, watchers: int, polls: int, seconds: float
+) -> None:
+    """Print the times of polls without and with the watchers, and what the API spent of the processor.
+
+    The processor's time depends little on what else the machine does; the times of polls do.
+    """
     connections = 30
     for count in (0, watchers):
         begun: list[int] = []
@@ -75,6 +82,7 @@ async def measure(port: int, jobs: JobStore, job_id: str, watchers: int, polls: 
         while len(begun) < count:
             await asyncio.sleep(0.1)
         stop, took = asyncio.Event(), list[float]()
+        spent = sum(api.cpu_times()[:2])
         every_s = connections / polls
         pollers = [asyncio.create_task(poll(port, job_id, stop, every_s, took)) for _ in range(connections)]
         for number in range(int(seconds * CHANGES_PER_S)):
@@ -83,10 +91,15 @@ async def measure(port: int, jobs: JobStore, job_id: str, watchers: int, polls: 
             await asyncio.sleep(1 / CHANGES_PER_S)
         stop.set()
         await asyncio.gather(*pollers)
+        spent = sum(api.cpu_times()[:2]) - spent
         took.sort()
         shown = {share: 1000 * took[int(share * (len(took) - 1))] for share in (0.5, 0.95, 0.99)}
         words = ", ".join(f"p{round(100 * share)} {value:.1f} ms" for share, value in shown.items())
-        print(f"{count} watchers, {len(took) / seconds:.0f} polls/s: {words}")
+        print(
+            f"{count} watchers, {len(took) / seconds:.0f} polls/s: {words}; "
+            f"API {1000 * spent / len(took):.2f} CPU ms a poll; "
+            f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+        )
         if count:
             await asyncio.to_thread(jobs.dismiss, job_id, Status.RUNNING)
             last = await asyncio.wait_for(asyncio.gather(*streams), 60)
@@ -113,7 +126,8 @@ def main() -> None:
         )
         try:
             asyncio.run(_ready(settings.port))
-            asyncio.run(measure(settings.port, jobs, row.id, given.watchers, given.polls, given.seconds))
+            api = psutil.Process(server.pid)
+            asyncio.run(measure(api, settings.port, jobs, row.id, given.watchers, given.polls, given.seconds))
             cpu = os.times()
             print(f"this process: {cpu.user + cpu.system:.1f} CPU s")
         finally:

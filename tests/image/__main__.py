@@ -3,14 +3,13 @@
 With a Docker engine by that; else by buildah and podman, on a base that debootstrap makes, or on `--base
 NAME` of their storage. Then: the container runs as an ordinary user on a read-only root, gets healthy,
 registers the demo over HTTP, keeps its jobs over a restart, refuses to listen without keys, and stops cleanly
-within ten seconds.
+within ten seconds. Jobs are confined completely, and /version says so. The demo also goes through the compose
+file: its default profile, and `scale` with the servers of the tests. Last it prints what is in the image.
 """
 
 import argparse
 import json
-import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,89 +19,14 @@ from pathlib import Path
 import httpx
 
 from service.client.sync import Client
+from tests.image.compose import default_profile, scale_profile
+from tests.image.engine import IMAGE, Engine, works
 from tests.support.storage import free_port
 
-ROOT = Path(__file__).parents[2]
-IMAGE, BASE, CONTAINER, VOLUME = (
-    "localhost/cusp:test",
-    "localhost/cusp-base:bookworm",
-    "cusp-image-test",
-    "cusp-image-test",
-)
+CONTAINER, VOLUME = "cusp-image-test", "cusp-image-test"
 STARTS_WITHIN_S, STOPS_WITHIN_S = 120, 10
-#: podman without systemd: another runtime, and limits that need no privilege.
-CONTAINERS_CONF = """[engine]
-runtime = "runc"
-cgroup_manager = "cgroupfs"
-events_logger = "file"
-[containers]
-default_ulimits = ["nofile=1024:1024", "nproc=4096:4096"]
-pids_limit = 0
-"""
-
-
-class Engine:
-    """docker, or podman with buildah: the words that both understand."""
-
-    def __init__(self, folder: Path) -> None:
-        has_docker = shutil.which("docker") and _works("docker", "info")
-        if not has_docker and not (shutil.which("podman") and shutil.which("buildah")):
-            raise SystemExit(
-                "no container engine: install Docker, or "
-                "apt-get install buildah podman debootstrap runc conmon"
-            )
-        self.command = "docker" if has_docker else "podman"
-        self.environment = dict(os.environ)
-        self.no_timer: list[str] = []
-        if self.command == "podman":
-            conf = folder / "containers.conf"
-            conf.write_text(CONTAINERS_CONF)
-            self.no_timer = ["--no-healthcheck"]  # podman would have systemd run it; `check` runs it itself
-            self.environment |= {"CONTAINERS_CONF": str(conf), "BUILDAH_ISOLATION": "chroot"}
-
-    def run(self, *words: str, check: bool = True, program: str | None = None) -> str:
-        """What it printed."""
-        done = subprocess.run(
-            [program or self.command, *words],
-            env=self.environment,
-            cwd=ROOT,
-            text=True,
-            stdout=subprocess.PIPE,
-            check=check,
-        )
-        return done.stdout.strip()
-
-    def build(self, base: str | None) -> None:
-        """The image, from the Dockerfile as it is."""
-        index = os.environ.get("PIP_INDEX_URL")
-        given = [f"--build-arg=PIP_INDEX_URL={index}"] if index else []
-        if self.command == "docker":
-            self.run("build", "--tag", IMAGE, *given, *([f"--build-arg=BASE={base}"] if base else []), ".")
-            return
-        if base is None:
-            base = BASE
-            self._debootstrap()
-        certificate = os.environ.get("PIP_CERT")
-        if certificate:  # not where it is here: a package of the base writes there
-            given += [f"--volume={certificate}:/mnt/ca.crt:ro", "--build-arg=PIP_CERT=/mnt/ca.crt"]
-        words = ["bud", "--format", "docker", "--tag", IMAGE, f"--build-arg=BASE={base}", *given, "."]
-        self.run(*words, program="buildah")
-
-    def _debootstrap(self) -> None:
-        if _works(self.command, "image", "exists", BASE):
-            return
-        with tempfile.TemporaryDirectory() as folder:
-            root = f"{folder}/root"
-            subprocess.run(
-                ["debootstrap", "--variant=minbase", "bookworm", root], check=True, stdout=subprocess.DEVNULL
-            )
-            packed = f"{folder}/root.tar"
-            subprocess.run(["tar", "-C", root, "-cf", packed, "."], check=True)
-            self.run("import", packed, BASE)
-
-
-def _works(*words: str) -> bool:
-    return subprocess.run(words, capture_output=True).returncode == 0
+MAX_GB = 1.6
+SIZES = "du -sm /opt/cusp/lib/python3*/site-packages/* /usr | sort -rn | head -12"
 
 
 def start(engine: Engine, port: int) -> None:
@@ -150,9 +74,12 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
     _expect({line.split()[1] for line in users} == {"10001"}, f"other users: {users}")
     _expect(engine.run("exec", CONTAINER, "id", "-u") == "10001", "another user")
     _expect(
-        not _works(engine.command, "exec", CONTAINER, "sh", "-c", "touch /opt/x 2>/dev/null"),
+        not works(engine.command, "exec", CONTAINER, "sh", "-c", "touch /opt/x 2>/dev/null"),
         "the root can be written",
     )
+    sandbox = httpx.get(f"{client.server}/version").json()["sandbox"]
+    _expect(not sandbox["missing"], f"jobs are not confined: {sandbox}")
+    seen["sandbox, by /version"] = f"Landlock {sandbox['landlock']}, system calls filtered"
     seen["user"] = "10001 in every process; root file system read-only"
     (image,) = json.loads(engine.run("image", "inspect", IMAGE))
     command = (image.get("Healthcheck") or image["Config"]["Healthcheck"])["Test"]
@@ -192,6 +119,10 @@ def check(engine: Engine, folder: Path) -> dict[str, str]:
     seen["after a restart"] = "the job is there"
     size = int(engine.run("image", "inspect", "--format", "{{.Size}}", IMAGE))
     seen["size of the image"] = f"{size / 1e9:.2f} GB"
+    _expect(size <= MAX_GB * 1e9, f"the image has {size / 1e9:.2f} GB, more than {MAX_GB}")
+    bill = json.loads(engine.run("exec", CONTAINER, "cat", "/opt/cusp/sbom.cdx.json"))
+    seen["packages in its bill of materials"] = str(len(bill["components"]))
+    seen["largest parts, MB"] = engine.run("exec", CONTAINER, "sh", "-c", SIZES).replace("/opt/cusp/lib/", "")
     return seen
 
 
@@ -212,12 +143,16 @@ def main() -> None:
         begun = time.monotonic()
         if not options.skip_build:
             engine.build(options.base)
+            if engine.command == "podman":
+                engine.build_servers(options.base)
             print(f"built by {engine.command} in {time.monotonic() - begun:.0f} s", flush=True)
         engine.run("rm", "--force", CONTAINER, check=False)
         engine.run("volume", "rm", "--force", VOLUME, check=False)
         try:
             for what, words in check(engine, Path(folder)).items():
-                print(f"{what}: {words}")
+                print(f"{what}: {words}", flush=True)
+            print(f"compose, default profile: {default_profile(engine, Path(folder))}", flush=True)
+            print(f"compose, scale profile: {scale_profile(engine, Path(folder))}", flush=True)
         except httpx.HTTPError as error:
             sys.exit(f"the container does not answer: {error}")
         finally:

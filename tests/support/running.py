@@ -6,9 +6,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import psutil
@@ -134,7 +135,17 @@ class ScaledService:
     wrote.
     """
 
-    def __init__(self, folder: Path, server: Postgres, s3: S3, workers: int, **environment: str) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        server: Postgres,
+        s3: S3,
+        workers: int,
+        of_part: Mapping[str, dict[str, str]] = MappingProxyType({}),
+        **environment: str,
+    ) -> None:
+        """of_part : variables of single parts, by name"""
+        self._of_part = of_part
         name = f"scaled_{free_port()}"
         self.folder, self.port = folder, free_port()
         self.log = folder / "log"
@@ -162,7 +173,12 @@ class ScaledService:
             return psutil.Popen(
                 [sys.executable, "-m", "service.cli.main", part],
                 stderr=log,
-                env={**self.environment, "CUSP_WORKER_ID": name, "CUSP_DATA_DIR": str(self.folder / name)},
+                env={
+                    **self.environment,
+                    "CUSP_WORKER_ID": name,
+                    "CUSP_DATA_DIR": str(self.folder / name),
+                    **self._of_part.get(name, {}),
+                },
             )
 
     def replace(self, worker: psutil.Popen) -> None:

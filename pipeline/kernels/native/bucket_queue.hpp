@@ -71,7 +71,7 @@ class BucketQueue {
 
    private:
     // The last bucket takes all longer keys. Chosen by hand, for memory; affects only the order.
-    static constexpr size_t kMaxBuckets = 1 << 16;
+    static constexpr size_t kMaxBuckets = 65'536;
 
     size_t bucket_of(double key) const {
         const double bucket = key * per_width_;

@@ -106,7 +106,7 @@ Out2<double> fpfh(const In2<double>& points, const In2<double>& normals, const I
             grid.for_each_near(i, [&](int64_t j, double) {
                 if (j < i) return;
                 const auto bins = bins_of_pair(p + 3 * i, normal + 3 * i, p + 3 * j, normal + 3 * j);
-                for (int angle = 0; angle < 3; ++angle) {
+                for (int64_t angle = 0; angle < 3; ++angle) {
                     ++mine[kWidth * i + angle * kBins + bins.seen_from_p[angle]];
                     ++mine[kWidth * j + angle * kBins + bins.seen_from_q[angle]];
                 }

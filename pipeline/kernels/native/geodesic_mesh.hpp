@@ -53,7 +53,7 @@ struct GeodesicMesh {
     GeodesicMesh(int32_t n_vertices, const int32_t* faces, const double* lengths, int32_t n_faces)
         : n(n_vertices) {
         for (int32_t f = 0; f < n_faces; ++f) {
-            const int32_t* v = faces + 3 * f;
+            const int32_t* v = faces + 3 * int64_t{f};
             if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) continue;
             for (int k = 0; k < 3; ++k) {
                 if (v[k] < 0 || v[k] >= n) throw std::invalid_argument("face index out of range");
@@ -89,7 +89,7 @@ struct GeodesicMesh {
         std::iota(order.begin(), order.end(), 0);
         auto key = [this](int32_t h) {
             const int32_t a = start(h), b = end(h);
-            return (static_cast<uint64_t>(std::min(a, b)) << 32) | static_cast<uint32_t>(std::max(a, b));
+            return (static_cast<uint64_t>(std::min(a, b)) << 32U) | static_cast<uint32_t>(std::max(a, b));
         };
         std::vector<uint64_t> keys(order.size());
         for (size_t h = 0; h < keys.size(); ++h) keys[h] = key(static_cast<int32_t>(h));

@@ -40,7 +40,7 @@ struct Motion {
     // From and to a 4 x 4 homogeneous matrix, row-major
     static Motion of(const double* matrix) {
         Motion motion;
-        for (int k = 0; k < 3; ++k) {
+        for (size_t k = 0; k < 3; ++k) {
             motion.R[k] = {matrix[4 * k], matrix[4 * k + 1], matrix[4 * k + 2]};
             motion.t[k] = matrix[4 * k + 3];
         }
@@ -48,7 +48,7 @@ struct Motion {
     }
 
     void write(double* matrix) const {
-        for (int k = 0; k < 3; ++k) {
+        for (size_t k = 0; k < 3; ++k) {
             std::copy(R[k].begin(), R[k].end(), matrix + 4 * k);
             matrix[4 * k + 3] = t[k];
             matrix[12 + k] = 0;

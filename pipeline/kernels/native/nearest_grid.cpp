@@ -45,9 +45,10 @@ Out1<int64_t> nearest_of_cells(const In2<double>& samples, const In1<double>& lo
         const PointTree tree(samples.data(), static_cast<int32_t>(samples.shape(0)));
         cusp::for_each(cells[0] * cells[1], threads, {}, [&](int, int64_t line) {
             int32_t guess = -1;
+            const int64_t column = line / cells[1], row = line % cells[1];
             for (int64_t k = 0; k < row_length; ++k) {
-                const Point centre{origin[0] + cell * (static_cast<double>(line / cells[1]) + 0.5),
-                                   origin[1] + cell * (static_cast<double>(line % cells[1]) + 0.5),
+                const Point centre{origin[0] + cell * (static_cast<double>(column) + 0.5),
+                                   origin[1] + cell * (static_cast<double>(row) + 0.5),
                                    origin[2] + cell * (static_cast<double>(k) + 0.5)};
                 const int32_t slot = tree.nearest_within(centre, guess, reach * reach);
                 nearest[line * row_length + k] = slot < 0 ? tree.size() : tree.number(slot);

@@ -53,6 +53,7 @@ void for_each(int64_t count, int threads, const OnProgress& on_progress, Work&& 
         finished.notify_all();
     };
     std::vector<std::jthread> pool;
+    pool.reserve(static_cast<size_t>(threads));
     for (int worker = 0; worker < threads; ++worker) pool.emplace_back(loop, worker);
     bool cancelled = false;
     {

@@ -34,7 +34,7 @@ class PointTree {
 
     PointTree(const double* points, int32_t n) : number_(n), points_(n) {
         std::iota(number_.begin(), number_.end(), 0);
-        for (int32_t i = 0; i < n; ++i) points_[i] = {points[3 * i], points[3 * i + 1], points[3 * i + 2]};
+        for (int64_t i = 0; i < n; ++i) points_[i] = {points[3 * i], points[3 * i + 1], points[3 * i + 2]};
         const std::vector<Point> original = points_;
         build(original, 0, n);
         for (int32_t slot = 0; slot < n; ++slot) points_[slot] = original[number_[slot]];

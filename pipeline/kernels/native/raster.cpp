@@ -21,8 +21,8 @@ using cusp::In2;
 using Out3f = nb::ndarray<nb::numpy, float, nb::ndim<3>>;
 using OutDepth = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
-constexpr int64_t kMostSamples = 1 << 25;  // of a picture; those of a report have half a million
-constexpr int64_t kBand = 32;              // rows that one work item draws; affects only the time
+constexpr int64_t kMostSamples = 33'554'432;  // of a picture; those of a report have half a million
+constexpr int64_t kBand = 32;                 // rows that one work item draws; affects only the time
 constexpr double kEdge = 1e-9;  // of a triangle: a sample this far outside counts as inside, so that no
                                 // sample falls between two triangles that share an edge
 
@@ -38,7 +38,8 @@ struct Triangle {
     double area;  // twice, signed: seen from the viewer, counter-clockwise is positive
 
     Triangle(const double* vertices, const int32_t* face)
-        : corner{vertices + 3 * face[0], vertices + 3 * face[1], vertices + 3 * face[2]} {
+        : corner{vertices + 3 * int64_t{face[0]}, vertices + 3 * int64_t{face[1]},
+                 vertices + 3 * int64_t{face[2]}} {
         area = cross(corner[0], corner[1], corner[2][0], corner[2][1]);
     }
 
@@ -83,7 +84,8 @@ void draw_band(const double* vertices, const int32_t* faces, int64_t count, cons
         const int64_t end = clamped(std::floor((x_high - at.left) / at.step + kEdge) + 1, at.width);
         for (int64_t row = from; row < to; ++row) {
             for (int64_t column = begin; column < end; ++column) {
-                const auto w = triangle.weights(at.left + column * at.step, at.top - row * at.step);
+                const auto w = triangle.weights(at.left + static_cast<double>(column) * at.step,
+                                                at.top - static_cast<double>(row) * at.step);
                 if (w[0] < -kEdge || w[1] < -kEdge || w[2] < -kEdge) continue;
                 const double z = w[0] * c[0][2] + w[1] * c[1][2] + w[2] * c[2][2];
                 const int64_t sample = row * at.width + column;
@@ -125,8 +127,9 @@ std::tuple<Out3f, OutDepth> picture(const In2<double>& vertices, const In2<int32
                 if (face[sample] < 0) continue;
                 const int32_t* corners = faces.data() + 3 * static_cast<int64_t>(face[sample]);
                 const Triangle triangle(vertices.data(), corners);
-                const auto w =
-                    triangle.weights(left + (sample % width) * step, top - (sample / width) * step);
+                const int64_t column = sample % width, row = sample / width;
+                const auto w = triangle.weights(left + static_cast<double>(column) * step,
+                                                top - static_cast<double>(row) * step);
                 const double light = ambient + (1 - ambient) * triangle.facing();
                 for (int k = 0; k < 3; ++k) {
                     double value = 0;

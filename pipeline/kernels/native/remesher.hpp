@@ -201,7 +201,7 @@ class Remesher {
                 ++edges;
                 if (mesh_.length_sq(h) < limit_sq && collapse(h)) ++collapsed;
             }
-            if (collapsed < kFew * static_cast<double>(edges)) break;
+            if (static_cast<double>(collapsed) < kFew * static_cast<double>(edges)) break;
         }
     }
 

@@ -11,7 +11,7 @@ namespace cusp {
 
 // The numbers 0 ... count - 1 of the points (count, 3), finite; equal places keep their order.
 inline std::vector<int32_t> spatial_order(const double* points, int64_t count) {
-    constexpr int kBits = 10;  // cells along each axis: 2^10
+    constexpr unsigned kBits = 10;  // cells along each axis: 2^10
     std::array<double, 3> low{}, per_cell{};
     for (int axis = 0; axis < 3; ++axis) {
         double from = points[axis], to = points[axis];
@@ -20,14 +20,14 @@ inline std::vector<int32_t> spatial_order(const double* points, int64_t count) {
             to = std::max(to, points[3 * i + axis]);
         }
         low[axis] = from;
-        per_cell[axis] = to > from ? ((1 << kBits) - 1) / (to - from) : 0.0;
+        per_cell[axis] = to > from ? ((1U << kBits) - 1) / (to - from) : 0.0;
     }
     std::vector<std::pair<uint32_t, int32_t>> cells(count);
     for (int64_t i = 0; i < count; ++i) {
         uint32_t code = 0;
-        for (int axis = 0; axis < 3; ++axis) {
+        for (unsigned axis = 0; axis < 3; ++axis) {
             const auto cell = static_cast<uint32_t>((points[3 * i + axis] - low[axis]) * per_cell[axis]);
-            for (int bit = 0; bit < kBits; ++bit) code |= ((cell >> bit) & 1U) << (3 * bit + axis);
+            for (unsigned bit = 0; bit < kBits; ++bit) code |= ((cell >> bit) & 1U) << (3 * bit + axis);
         }
         cells[i] = {code, static_cast<int32_t>(i)};
     }

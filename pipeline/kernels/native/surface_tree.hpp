@@ -33,7 +33,7 @@ class SurfaceTree {
         std::vector<Box> box(m);
         std::vector<Vec> middle(m);
         for (int32_t f = 0; f < m; ++f) {
-            for (int k = 0; k < 3; ++k) {
+            for (size_t k = 0; k < 3; ++k) {
                 const double* v = vertices + 3 * static_cast<size_t>(faces[3 * static_cast<size_t>(f) + k]);
                 std::copy(v, v + 3, corners_.data() + 9 * static_cast<size_t>(f) + 3 * k);
                 box[f].add(v);

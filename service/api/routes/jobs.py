@@ -2,15 +2,14 @@
 
 import re
 import time
-from collections.abc import AsyncIterable
+from collections.abc import AsyncIterator
 from typing import Annotated, Any
 from urllib.parse import quote
 
 import structlog
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from fastapi.sse import EventSourceResponse, ServerSentEvent
+from fastapi.sse import KEEPALIVE_COMMENT, format_sse_event
 
 from pipeline import Decision, VerdictStatus
 from service.api.dependencies import Api, UseApi
@@ -18,6 +17,7 @@ from service.api.digests import content_digest
 from service.api.etags import conditional_json, is_known
 from service.api.identity import Reads, Writes
 from service.api.intake import accept_job
+from service.api.job_watch import PING_INTERVAL_S
 from service.api.problems import problem_response, problems
 from service.api.request_bodies import JOB_BODY
 from service.auth.keys import Caller
@@ -53,6 +53,17 @@ ReferenceText = Annotated[
     str | None,
     Query(max_length=100, pattern=NO_NUL, description="select by this value of `options.reference`"),
 ]
+
+
+class EventStream(StreamingResponse):
+    """Events that are encoded once for all that watch a job; FastAPI's own class encodes them for each."""
+
+    media_type = "text/event-stream"
+
+    def __init__(self, events: AsyncIterator[bytes]) -> None:
+        super().__init__(events, headers={"Cache-Control": "no-cache", "X-Accel-Buffering": "no"})
+
+
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 RETRY_AFTER_S = 1
@@ -66,6 +77,16 @@ CANCELLED_BY_DELETE = {
     "Link": '</docs#/jobs>; rel="deprecation"; type="text/html"',
 }
 NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
+#: Of a server-sent event (OpenAPI 3.2, 4.14.4).
+EVENT_SCHEMA = {
+    "type": "object",
+    "properties": {
+        "data": {"type": "string"},
+        "event": {"type": "string"},
+        "id": {"type": "string"},
+        "retry": {"type": "integer", "minimum": 0},
+    },
+}
 log = structlog.get_logger()
 
 
@@ -171,42 +192,47 @@ async def status(
 ) -> Response:
     """Get the status of a job."""
     seconds = _seconds_to_wait(prefer)
-    row = await _wait(api, job_id, caller, seconds)
+    row = await api.read_job(job_id, caller)
+    if seconds and not row.status.is_final:
+        row = await _wait(api, row, caller, seconds)
     headers = {} if row.status.is_final else {"Retry-After": str(RETRY_AFTER_S)}
     if seconds:
         headers["Preference-Applied"] = f"wait={seconds}"
     return conditional_json(request, job_of(row).model_dump_json(), headers)
 
 
-def _existing(job_id: JobId, api: UseApi, caller: Reads) -> JobRow:
-    """Look the job up before the stream starts, so that a wrong id is a 404, and one too many a 429."""
-    row = api.job(job_id, caller)
-    api.watch.check_room(caller.tenant)
-    return row
-
-
 @router.get(
     "/{job_id}/events",
-    response_class=EventSourceResponse,
-    responses={200: {"content": {"text/event-stream": {}}}, **problems(401, 403, 404, 429)},
+    response_class=Response,
+    responses={
+        200: {"content": {"text/event-stream": {"itemSchema": EVENT_SCHEMA}}},
+        **problems(401, 403, 404, 429),
+    },
 )
-async def events(
-    job_id: JobId, api: UseApi, caller: Reads, first: Annotated[JobRow, Depends(_existing)]
-) -> AsyncIterable[ServerSentEvent]:
+async def events(job_id: JobId, api: UseApi, caller: Reads) -> Response:
     """Watch a job as server-sent events: `status` with the job whenever it changes, the last one final."""
-    sent = job_of(first).model_dump_json()
-    yield ServerSentEvent(event="status", raw_data=sent)
+    row = await api.read_job(job_id, caller)
+    api.watch.check_room(caller.tenant)  # before the stream starts, so that one too many is a 429
+    return EventStream(_events(api, row, caller))
+
+
+async def _events(api: Api, first: JobRow, caller: Caller) -> AsyncIterator[bytes]:
+    sent = format_sse_event(event="status", data_str=job_of(first).model_dump_json())
+    yield sent
     if first.status.is_final:
         return
-    async with api.watch.of(job_id, caller.tenant) as watched:
+    async with api.watch.of(first.id, caller.tenant) as watched:
         version = 0
-        while await watched.newer(version):
+        while True:
+            if not await watched.newer(version, PING_INTERVAL_S):
+                yield KEEPALIVE_COMMENT
+                continue
             version = watched.version
             if watched.row is None:  # removed meanwhile
                 return
-            if (now := watched.as_json()) != sent:
+            if (now := watched.as_event()) != sent:
                 sent = now
-                yield ServerSentEvent(event="status", raw_data=sent)
+                yield sent
             if watched.row.status.is_final:
                 return
 
@@ -328,10 +354,8 @@ def dismiss(
     return Response(status_code=204, headers=CANCELLED_BY_DELETE if cancel is None else {})
 
 
-async def _wait(api: Api, job_id: str, caller: Caller, seconds: int) -> JobRow:
-    row = await run_in_threadpool(api.job, job_id, caller)
-    if row.status.is_final or not seconds:
-        return row
+async def _wait(api: Api, row: JobRow, caller: Caller, seconds: int) -> JobRow:
+    job_id = row.id
     deadline, version = time.monotonic() + seconds, 0
     async with api.watch.of(job_id, caller.tenant) as watched:
         while await watched.newer(version, max(0.0, deadline - time.monotonic())):

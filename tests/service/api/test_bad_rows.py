@@ -11,6 +11,7 @@ import pytest
 from service.execution.periodic import PeriodicTask
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
+from service.jobs.store import JobStore
 from tests.support.service import Service, spoil
 
 pytestmark = pytest.mark.storages
@@ -73,7 +74,7 @@ def test_a_job_that_cannot_be_handed_on_or_queued_holds_up_no_other(
 
     monkeypatch.setattr(service.jobs, "reassign", reassigning)
     monkeypatch.setattr(service.queue, "requeue", requeuing)
-    monkeypatch.setattr("service.jobs.reaper.now_ms", lambda: now_ms() + DEAD_AFTER_MS + 1000)
+    monkeypatch.setattr(JobStore, "now_ms", lambda _: now_ms() + DEAD_AFTER_MS + 1000)
     reaper = Reaper(service.jobs, service.queue)
     reaper.at_start("worker-7")
     reaper.sweep()

@@ -157,7 +157,7 @@ def test_a_worker_that_ends_hands_its_job_back(service: Service, breaks: bool) -
 
 def age(service: Service, monkeypatch: pytest.MonkeyPatch, ms: int) -> None:
     """Let so much time go by."""
-    monkeypatch.setattr("service.jobs.reaper.now_ms", lambda: now_ms() + ms)
+    monkeypatch.setattr(JobStore, "now_ms", lambda _: now_ms() + ms)
 
 
 def test_a_job_whose_ticket_was_lost_gets_another(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,9 @@ import pytest
 from obstore.exceptions import GenericError
 from sqlalchemy.exc import OperationalError
 
+from service.contract.errors import JobCrashed, problem_of
 from service.execution.sandbox import Outcome
+from service.execution.worker import Worker
 from service.jobs.models import now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, Reaper
 from service.jobs.store import JobStore
@@ -63,7 +65,7 @@ def test_a_worker_that_comes_back_too_late_leaves_the_published_files_alone(
     def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
         if service.sandbox.tasks[0] is not task:
             return service.sandbox.succeed(task, on_progress, is_wanted)
-        monkeypatch.setattr("service.jobs.reaper.now_ms", lambda: now_ms() + DEAD_AFTER_MS + 1000)
+        monkeypatch.setattr(JobStore, "now_ms", lambda _: now_ms() + DEAD_AFTER_MS + 1000)
         Reaper(service.jobs, service.queue).sweep()
         service.worker.run(job_id)
         assert service.status(job_id)["attempt"] == 2
@@ -249,3 +251,33 @@ def test_what_the_database_tells_of_is_on_the_disk_before_it(
     assert any("/incoming/" in path for path in told[0][1])  # its content, before it got its name
     out = folder / "results" / job_id / "1"
     assert {str(out), str(out.parent), *map(str, out.iterdir())} <= told[1][1]
+
+
+@pytest.mark.parametrize("fills_it_itself", [False, True])
+def test_a_job_that_dies_of_a_full_disk_runs_again_when_there_is_room(
+    service: Service, monkeypatch: pytest.MonkeyPatch, fills_it_itself: bool
+) -> None:
+    """In the same attempt. One that dies of it again and again has filled it, and fails."""
+    ends: list[str] = []
+    waits_for_room = Worker._check_room
+
+    def somebody_makes_room(worker: Worker) -> None:
+        with pytest.raises(OSError, match="no room"):
+            waits_for_room(worker)
+        monkeypatch.setattr("service.execution.worker.FULL_BYTES", 0)
+
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
+        if ends and not fills_it_itself:
+            return service.sandbox.succeed(task, on_progress, is_wanted)
+        ends.append("died")
+        monkeypatch.setattr("service.execution.worker.FULL_BYTES", 2**62)  # what is free is too little
+        return Outcome("failed", problem_of(JobCrashed("exited without an answer")), 0.1, None)
+
+    service.sandbox.act = act
+    monkeypatch.setattr(Worker, "_check_room", somebody_makes_room)
+    job_id = service.finished()
+    job = service.status(job_id)
+    if fills_it_itself:
+        assert (job["status"], job["error"]["code"], len(ends)) == ("failed", "job_crashed", 3)
+    else:
+        assert (job["status"], job["attempt"], len(ends)) == ("successful", 1, 1)

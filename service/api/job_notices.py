@@ -1,0 +1,60 @@
+"""Hears of changed jobs from PostgreSQL, by LISTEN: one connection of a process.
+
+The trigger `cusp_job_changed` (migration 0013) sends the id of a job with each change that clients see. A
+server that restarts, or a pooler of connections that passes no notices on, costs only speed: `JobWatch` then
+asks, as it does with SQLite.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import psycopg
+import structlog
+from sqlalchemy import make_url
+
+CHANNEL = "cusp_jobs"
+CONNECT_TIMEOUT_S = 10
+RETRY_S = 1.0  # between two attempts to connect
+#: So that a server that vanished without a word is noticed within 25 s.
+KEEPALIVES: dict[str, Any] = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3}
+log = structlog.get_logger()
+
+
+class JobNotices:
+    """conninfo : of libpq"""
+
+    def __init__(self, conninfo: str) -> None:
+        self._conninfo = conninfo
+        self.is_listening = False
+
+    async def listen(self, changed: Callable[[str | None], None]) -> None:
+        """Call `changed` with the id of each job that changed, until cancelled.
+
+        None when listening began, and when it ended: what changed in between is not known.
+        """
+        while True:
+            try:
+                connection = await psycopg.AsyncConnection.connect(
+                    self._conninfo, autocommit=True, connect_timeout=CONNECT_TIMEOUT_S, **KEEPALIVES
+                )
+                async with connection:
+                    await connection.execute(f"LISTEN {CHANNEL}".encode())
+                    self.is_listening = True
+                    changed(None)
+                    async for notice in connection.notifies():
+                        changed(notice.payload)
+            except psycopg.Error as error:
+                log.debug("no notices of changed jobs", reason=" ".join(str(error).split()))
+            finally:
+                self.is_listening = False
+            changed(None)
+            await asyncio.sleep(RETRY_S)
+
+
+def change_notices(database: str) -> JobNotices | None:
+    """Those of a database; None for SQLite, which has none."""
+    url = make_url(database)
+    if url.get_backend_name() != "postgresql":
+        return None
+    return JobNotices(url.set(drivername="postgresql").render_as_string(hide_password=False))
