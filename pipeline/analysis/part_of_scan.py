@@ -15,7 +15,7 @@ from pipeline.analysis.scan_registration import MatchedScan, RegisteredScan, mat
 from pipeline.core.errors import PipelineError
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.timing import silent
-from pipeline.stages.strays import only_piece, piece_candidates, without_off_design
+from pipeline.stages.strays import MIN_REST_COVERAGE, only_piece, piece_candidates, without_off_design
 
 #: Share of the scan within the inlier distance from which on no piece is looked for that lies off the design.
 #: Chosen by hand.
@@ -38,7 +38,7 @@ def register_part(
     """The scan on its design; where pieces of it lie off the design, the rest of it.
 
     Of a scan that fits poorly each piece of the size of a part is tried alone; it is taken where it alone
-    fits.
+    fits, and shows enough of the design to be judged by: a small piece fits on many a part.
     """
     whole = PartOfScan(input_scan, register_scan(matched, design, job))
     if _fitness(whole) >= WHOLE_FITNESS:
@@ -49,7 +49,9 @@ def register_part(
     best = trimmed
     for piece in piece_candidates(input_scan.cleaned, design.analysis.mesh):
         alone = _registered(input_scan.without(*only_piece(input_scan.cleaned, piece)), design, job)
-        if alone is not None and _fitness(alone) > max(POOR_FITNESS, _fitness(best)):
+        if alone is None or alone.registered.registration.design_coverage < MIN_REST_COVERAGE:
+            continue
+        if _fitness(alone) > max(POOR_FITNESS, _fitness(best)):
             best = alone
     return best
 

@@ -137,12 +137,14 @@ def without_off_design(
 
 def piece_candidates(cleaned: Cleaned, design: Mesh) -> list[int]:
     """Pieces of a scan that may each be the part, by their size and share, largest first; none where there
-    is one piece only.
+    is one piece only. A surface of less than `MIN_REST_COVERAGE` of the design's area fits on many a part.
     """
     pieces = Pieces.of(cleaned.mesh)
     size, share = sizes(pieces, cleaned.mesh, design), pieces.weight / pieces.weight.sum()
     likely = (size >= MIN_PART_SIZE) & (size <= MAX_PART_SIZE)
     likely &= (share >= MIN_CANDIDATE_SHARE) & (share < 1.0)
+    if not cleaned.mesh.is_cloud:
+        likely &= pieces.weight >= MIN_REST_COVERAGE * float(design.face_areas_mm2().sum())
     order = np.argsort(-share, kind="stable")
     return [int(number) for number in order if likely[number]][:MAX_CANDIDATES]
 

@@ -205,10 +205,11 @@ def pose(case: Case, *, count_ties: bool) -> float:
     """Probability in [0, 1] that the pose is right if the part is, up to symmetries and free motions.
 
     count_ties : at most the probability of a guess among equal scores; False where a continuous motion is
-    unconstrained, along which scores are equal by nature
+    unconstrained, along which scores are equal by nature. The mirrored scan, where it fits better, and a
+    flat, which fits elsewhere too, count as one more
     """
     ties = sum(ratio <= VERDICT.tie_ratio for ratio in case.alternative_ratios()) if count_ties else 0
-    guess = 1.0 / (1 + ties + case.mirror_fits_better())
+    guess = 1.0 / (1 + ties + case.mirror_fits_better() + case.tight_fit.is_flat)
     return min(probability(CONFIDENCE.pose, evidence(case)), guess)
 
 

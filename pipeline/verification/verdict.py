@@ -28,10 +28,10 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     `free_motion_share` of the diagonal;
     ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
     a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`) and
-    differs less in shape, but not by `mirror_gain`, or not as `ok` asks;
+    differs less in shape, but not by `mirror_gain`, or not as `ok` asks; or the scan is flat;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
-    below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, another
-    size along one direction or all, or a flat scan;
+    below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, or another
+    size along one direction or all;
     ok : none of these.
 
     confidence : the product of `same_part` and `pose`; 0 without a pose.
@@ -101,6 +101,6 @@ def _status(
         return "no_match"
     if case.registration.observability.unconstrained:
         return "under_constrained"
-    if case.has_close_alternative(settings) or case.mirror_fits_better():
+    if case.has_close_alternative(settings) or case.mirror_fits_better() or case.tight_fit.is_flat:
         return "ambiguous"
     return "uncertain" if is_uncertain else "ok"

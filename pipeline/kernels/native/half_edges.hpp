@@ -134,6 +134,8 @@ class HalfEdges {
     bool can_collapse(int32_t h) const {
         const int32_t a = start(h), b = end(h), t = twin[h];
         if (t >= 0 && is_on_border(a) && is_on_border(b)) return false;
+        // Two triangles that share two edges: with the one the other's outside would go.
+        if (t >= 0 && start(prev(h)) == start(prev(t))) return false;
         for (const int32_t side : {h, t}) {
             if (side < 0) continue;
             if (twin[next(side)] < 0 && twin[prev(side)] < 0) return false;

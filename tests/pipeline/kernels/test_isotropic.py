@@ -179,3 +179,14 @@ def test_a_chamfer_far_narrower_than_the_edges_leaves_no_needles() -> None:
     assert (topology.edges(found.faces).count == 2).all()
     assert euler(found) == 2
     assert Surface(part).closest(found.vertices).distance.max() < width
+
+
+def test_two_triangles_that_share_all_edges_stay_a_closed_surface() -> None:
+    """Splitting and collapsing them leaves two that share two edges, whose collapse wrote beside an array."""
+    corners = [[32.0, 3.0, -143.0], [28.0, -3.0, 60.0], [22.0, -10.0, 60.0]]
+    apart = [[-28.0, 5.0, -13.0], [-26.0, 1.0, -25.0], [-28.0, 5.0, 60.0]]
+    mesh = Mesh(np.array([*corners, *apart]), np.array([[2, 0, 1], [2, 1, 0], [3, 4, 5]], dtype=np.int32))
+    found = remeshed(mesh, 102.0, 5, crease_deg=60.0)
+    pillow = found.faces[found.vertices[found.faces][:, :, 0].min(axis=1) > 0]
+    assert len(pillow) and (topology.edges(pillow).count % 2 == 0).all()
+    assert Surface(mesh).closest(found.vertices).distance.max() < 1e-9

@@ -13,7 +13,13 @@ from pipeline.core.settings import CleanSettings
 from pipeline.kernels import sampling
 from pipeline.kernels.surface import Surface
 from pipeline.stages.clean import Cleaned, clean
-from pipeline.stages.strays import only_piece, without_off_design, without_oversize, without_specks
+from pipeline.stages.strays import (
+    only_piece,
+    piece_candidates,
+    without_off_design,
+    without_oversize,
+    without_specks,
+)
 from tests.support import shapes
 from tests.support.registering import register
 from tests.support.scanners.record import SimulatedScan
@@ -160,6 +166,17 @@ def test_what_lies_nowhere_on_the_design_is_left_out() -> None:
     assert strays.any and len(rest.mesh.vertices) == len(PART.vertices)
     only, _ = only_piece(both, 0)
     np.testing.assert_array_equal(only.mesh.vertices, rest.mesh.vertices)
+
+
+@pytest.mark.parametrize(("width_deg", "is_candidate"), [(40.0, False), (60.0, True)])
+def test_a_piece_is_the_part_only_where_it_shows_enough_of_it(width_deg: float, is_candidate: bool) -> None:
+    outward = PART.vertices / np.linalg.norm(PART.vertices, axis=1, keepdims=True)
+    cap = outward[:, 2] > np.cos(np.radians(width_deg))  # 12 % of the part, and 25 %
+    used = np.unique(faces := PART.faces[cap[PART.faces].all(axis=1)])
+    piece = Mesh(PART.vertices[used], np.searchsorted(used, faces))
+    beside = shapes.torus(10.0, 3.0)
+    both = joined([piece, Mesh(beside.vertices + np.array([0.0, 0.0, 60.0]), beside.faces)])
+    assert (0 in piece_candidates(cleaned(both), PART)) is is_candidate
 
 
 @pytest.mark.parametrize(
