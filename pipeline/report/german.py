@@ -12,6 +12,7 @@ GERMAN: dict[str, str] = {
     # decision and verdict
     "part number": "Teilenummer",
     "serial": "Seriennummer",
+    "measured at": "gemessen am",
     "batch": "Charge",
     "order": "Auftrag",
     "machine": "Maschine",

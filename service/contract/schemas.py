@@ -221,10 +221,13 @@ class UrlRef(Request):
 
 
 def _by_its_keys(value: Any, either: ValidatorFunctionWrapHandler) -> Any:
-    """As one of the two, so that an error is about the one that is meant."""
+    """As one of the two, so that an error is about the one that is meant. A null is as none: the `inputs` of a
+    job may be sent again.
+    """
     if not isinstance(value, dict):
         return either(value)
-    return (UrlRef if "url" in value and "blob" not in value else BlobRef).model_validate(value)
+    given = {key: each for key, each in value.items() if each is not None}
+    return (UrlRef if "url" in given and "blob" not in given else BlobRef).model_validate(given)
 
 
 MeshRef = Annotated[BlobRef | UrlRef, WrapValidator(_by_its_keys)]

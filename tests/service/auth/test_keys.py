@@ -3,6 +3,7 @@ more.
 """
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -95,9 +96,7 @@ def test_every_address_but_the_probes_needs_a_key(
     asked = 0
     for path, operations in paths.items():
         for method in operations:
-            answer = service.http.request(
-                method, path.format(job_id="x", name="x", blob_id="x", message="x"), headers=header
-            )
+            answer = service.http.request(method, re.sub(r"\{\w+\}", "x", path), headers=header)
             if path in OPEN:
                 assert answer.status_code != 401, path
             else:
