@@ -221,8 +221,8 @@ class UrlRef(Request):
 
 
 def _by_its_keys(value: Any, either: ValidatorFunctionWrapHandler) -> Any:
-    """As one of the two, so that an error is about the one that is meant. A null is as none: the `inputs` of a
-    job may be sent again.
+    """As one of the two, so that an error is about the one that is meant. Null counts as not given: the
+    `inputs` of a job may be sent again.
     """
     if not isinstance(value, dict):
         return either(value)
