@@ -28,9 +28,6 @@ EVENT_BYTES = 64 * 1024
 BEFORE_IMPORTS = {
     "OPENBLAS_NUM_THREADS": "1",  # a fork needs one thread
     "OMP_NUM_THREADS": "1",
-    # glibc returns larger arrays to the system as soon as they are freed: a tenth less memory at the peak of
-    # a scan of a million triangles
-    "MALLOC_MMAP_THRESHOLD_": "4000000",
 }
 log = structlog.get_logger()
 
