@@ -203,6 +203,7 @@ GERMAN: dict[str, str] = {
     "{design} landmarks on the design, {scan} on the scan": (
         "{design} Landmarken auf dem Soll, {scan} auf dem Scan"
     ),
+    "{passed} of {count} checks passed": "{passed} von {count} Prüfungen bestanden",
     "{count} matched": "{count} zugeordnet",
     "Design {design} along the axes of its file; scan{times} {scan} {where}.": (
         "Soll {design} entlang der Achsen seiner Datei; Scan{times} {scan} {where}."

@@ -22,7 +22,15 @@ def decision_box(inspection: Inspection | None, words: Words = ENGLISH) -> dict[
     if inspection is None:
         return None
     said, mood = DECISIONS[inspection.decision]
-    return {"words": words(said), "mood": mood, "reasons": inspection.reasons, "rule": inspection.rule}
+    count = len(inspection.checks)
+    passed = sum(check.passed is True for check in inspection.checks)
+    return {
+        "words": words(said),
+        "mood": mood,
+        "counts": words("{passed} of {count} checks passed", passed=passed, count=count) if count else "",
+        "reasons": inspection.reasons,
+        "rule": inspection.rule,
+    }
 
 
 def check_tables(inspection: Inspection | None, words: Words = ENGLISH) -> list[Table]:

@@ -33,6 +33,8 @@ function decide(inspection) {
   const { decision, reasons, checks, rule } = inspection;
   $('decision').className = DECISION_MOOD[decision];
   $('decided').textContent = `part: ${DECISION[decision]}`;
+  const passed = checks.filter((each) => each.passed === true).length;
+  $('counts').textContent = checks.length ? `${passed} of ${checks.length} checks passed` : '';
   $('reasons').replaceChildren(...reasons.map((each) => element('li', each)));
   $('checks').open = decision === 'fail';
   $('rule').textContent = rule ? `Decision rule: ${rule}.` : '';

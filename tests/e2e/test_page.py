@@ -205,6 +205,7 @@ def test_the_verdict_is_of_the_alignment_whatever_it_is(watched: Watched, regist
     expect(page.locator("#verdict")).to_have_class("warn")
     expect(page.locator("#decided")).to_have_text("part: fail")
     expect(page.locator("#decision")).to_have_class("bad")
+    expect(page.locator("#counts")).to_have_text("0 of 1 checks passed")
     expect(page.locator("#reasons")).to_have_text("too high")
     expect(page.locator("#check-table tbody tr")).to_contain_text("rim: highest")  # open: it failed
     expect(page.locator("#check-table tbody tr")).to_contain_text("+0.310 mm")
