@@ -33,7 +33,6 @@ def deviation_mm(number: int) -> float:
     """
     design = shapes.bumpy_blob(4)
     normals = design.vertex_normals()
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     middle = np.average(design.vertices, axis=0, weights=design.vertex_areas_mm2())
     return DRIFT * number * float(np.einsum("kd,kd->k", design.vertices - middle, normals).max())
 
