@@ -17,6 +17,9 @@ from pipeline.search.scan_model import ScanModel, ScanPoints
 from pipeline.search.schedule import REGISTRATION
 from pipeline.search.types import Matching, Pose
 
+#: A scan with fewer vertices (a CAD file sent as a scan: a box has eight, all at its corners) is observed at
+#: samples of its surface instead. Chosen by hand: the samples of the plain ICP are as many.
+MIN_OBSERVED_VERTICES = 500
 OBSERVED_TRUNCATION = 2.0  # inlier distances: a test motion may take inliers beyond one. Chosen by hand
 MAX_SCALE_LOG2 = 1.0  # a factor of 2: beyond it the noise decides, not the surface. Chosen by hand
 
@@ -99,6 +102,13 @@ def register(
     few = ScanPoints.of(scan, REGISTRATION.complete_samples, seed)
     T_complete = _icp_of_complete_shape(few, design, settings)
     fit = evaluate_fit(scan, weights, design, search.best.T_design_scan, inlier_mm)
+    observed = (fit, weights)
+    if not scan.is_cloud and len(scan.vertices) < MIN_OBSERVED_VERTICES:
+        sampled = Mesh(few.points)
+        observed = (
+            evaluate_fit(sampled, few.weights, design, search.best.T_design_scan, inlier_mm),
+            few.weights,
+        )
     matching = match_under(search.best.T_design_scan)
     T_landmarks = matching.T_landmarks
     return Registration(
@@ -113,7 +123,7 @@ def register(
         rmse_landmarks_mm=None if T_landmarks is None else rmse_mm(scan, weights, design, T_landmarks),
         rmse_complete_mm=rmse_mm(scan, weights, design, T_complete),
         design_coverage=search.best.coverage,
-        observability=assess_observability(fit, weights, design, inlier_mm, max_sigma_mm),
+        observability=assess_observability(*observed, design, inlier_mm, max_sigma_mm),
         scan_surface=model.surface,
         ignored_stations=search.ignored_stations,
     )

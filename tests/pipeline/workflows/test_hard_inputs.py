@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import pipeline
 from pipeline import PipelineError
@@ -106,3 +107,13 @@ def test_the_identity_is_never_the_answer_to_could_not(design: Path, tmp_path: P
         assert error.reason and error.remedy
     else:
         assert result.verdict.status == "no_match" and result.transform is None
+
+
+def test_a_cad_box_sent_as_its_own_scan_holds_still(tmp_path: Path) -> None:
+    """Its eight vertices lie at corners, whose normals say little; its surface says all."""
+    box = trimesh.creation.box((10.0, 20.0, 30.0))
+    file = save(Mesh(box.vertices, box.faces), tmp_path / "box.stl")
+    result = register(file, file, settings=QUICK)
+    assert result.verdict.status == "ok"
+    assert result.observability is not None
+    assert result.observability.free_motions == []
