@@ -86,6 +86,10 @@ class Remesher {
     // A flip for the number of neighbours may cost this share of the worse triangle's quality; one for the
     // quality alone must gain as much. Chosen by hand.
     static constexpr double kQualityShare = 0.6;
+    // Distance of the new edge from the old one, as a share of the length asked for, up to which an edge is
+    // flipped. Derived: that of two equilateral triangles that meet at the least angle of a crease, 30
+    // degrees. Longer triangles leave the surface by far more at the same angle.
+    static constexpr double kApart = 0.25;
     // No flip and no move makes a triangle worse than `kMinQuality`, unless it was, and no collapse worse
     // than `kFlat`: needles must go. Chosen by hand.
     static constexpr double kMinQuality = 0.1, kFlat = 0.01;
@@ -293,6 +297,7 @@ class Remesher {
         if (then < now ? worse_then < kQualityShare * worse_now : worse_then * kQualityShare < worse_now)
             return false;
         if (worse_then < kMinQuality && worse_then <= worse_now) return false;
+        if (distance_of_lines_sq(A, B, C, D) > kApart * kApart * edge_ * edge_) return false;
         const Vec side = plus(mesh_.normal(h), mesh_.normal(t));
         for (const Vec& after : {cross(minus(D.data(), A.data()), minus(C.data(), A.data())),
                                  cross(minus(B.data(), D.data()), minus(C.data(), D.data()))})
@@ -303,6 +308,13 @@ class Remesher {
         mesh_.flip(h);
         ++missing[a], ++missing[b], --missing[c], --missing[d];
         return true;
+    }
+
+    // Squared distance of the line through a and b from the one through c and d; 0 where they are parallel
+    static double distance_of_lines_sq(const Vec& a, const Vec& b, const Vec& c, const Vec& d) {
+        const Vec n = cross(minus(b.data(), a.data()), minus(d.data(), c.data()));
+        const double size_sq = dot(n, n), across = dot(minus(c.data(), a.data()), n);
+        return size_sq > 0 ? across * across / size_sq : 0;
     }
 
     // 1 for an equilateral triangle, 0 without area: area over that of the mean squared edge

@@ -1,5 +1,7 @@
 """Isotropic remeshing: the surface, its lines and its topology stay; the edges get the length asked for."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
@@ -190,3 +192,39 @@ def test_two_triangles_that_share_all_edges_stay_a_closed_surface() -> None:
     pillow = found.faces[found.vertices[found.faces][:, :, 0].min(axis=1) > 0]
     assert len(pillow) and (topology.edges(pillow).count % 2 == 0).all()
     assert Surface(mesh).closest(found.vertices).distance.max() < 1e-9
+
+
+def disc_with_chamfered_hole(sides: int = 120) -> Mesh:
+    """A disc of radius 40 mm, 20 mm thick, with a square hole whose edges are chamfered; in few triangles, as
+    CAD gives them: fans of needles from the corners of the hole.
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    circle = 40 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=np.float64)
+    rings = [(circle, -10), (circle, 10), (26 * square, -10), (26 * square, 10)]
+    rings += [(23 * square, -7), (23 * square, 7)]
+    vertices = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings])
+    low, high, low_edge, high_edge, low_wall, high_wall = np.cumsum([0, sides, sides, 4, 4, 4])
+    bands = [(low, high, sides), (low_wall, low_edge, 4), (high_wall, low_wall, 4), (high_edge, high_wall, 4)]
+    faces: list[list[int]] = []
+    for a, b, n in bands:
+        for i in range(n):
+            j = (i + 1) % n
+            faces += [[a + i, a + j, b + j], [a + i, b + j, b + i]]
+    quarter = sides // 4
+    for rim, edge, turn in ((high, high_edge, 1), (low, low_edge, -1)):
+        for k in range(4):
+            ends = [rim + (k * quarter + i) % sides for i in range(quarter + 1)]
+            fan = [[*pair, edge + k] for pair in pairwise(ends)]
+            faces += [face[::turn] for face in (*fan, [edge + k, ends[-1], edge + (k + 1) % 4])]
+    return Mesh(vertices, np.array(faces, dtype=np.int32))
+
+
+@pytest.mark.parametrize("crease_deg", [30.0, 60.0])
+def test_no_edge_is_flipped_across_a_chamfer(crease_deg: float) -> None:
+    """Long needles at a chamfer of 45 degrees: the other diagonal goes through the part, 5 mm deep."""
+    part = disc_with_chamfered_hole()
+    found = remeshed(part, 2.0, 5, crease_deg=crease_deg)
+    assert Surface(part).closest(found.vertices).distance.max() < 1e-9 * part.diagonal_mm
+    middles = found.vertices[found.faces].mean(axis=1)
+    assert Surface(part).closest(middles).distance.max() < 0.5 * 2.0
