@@ -35,6 +35,7 @@ from pipeline.verification.evidence import (
 )
 from pipeline.verification.hypothesis_checks import HypothesisChecks, MirrorCheck
 from pipeline.verification.placed_scan import PlacedScan
+from pipeline.verification.repeats import repeats_of_design
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.size_evidence import assess_size
 from pipeline.verification.surface_evidence import assess_surfaces
@@ -72,7 +73,8 @@ def verify_hypotheses(
         if mirrored.same_part is not None:
             registered = register_unreflected(registered, T_design_mirrored, design, job)
     registered, symmetric = add_equivalent_poses(registered, design, job)
-    return registered, HypothesisChecks(unit_factor, mirrored, symmetric, loose_factor)
+    repeats = tuple(bool(each) for each in repeats_of_design(registered, design, job.seed))
+    return registered, HypothesisChecks(unit_factor, mirrored, symmetric, loose_factor, repeats)
 
 
 def check_other_units(
@@ -161,7 +163,9 @@ def check_mirror_image(
     if rms_mm > gain_mm:
         return MirrorCheck(rms_mm, detail_mm=surfaces.detail_mm), best.T_design_scan
     values = surface_values(rms_mm, surfaces, quality, design.diagonal_mm)
-    values |= rival_values(ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex))
+    values |= rival_values(
+        ratios, ratios, of_scan_mm, rms_mm, len(under.scan), len(described.landmarks.vertex)
+    )
     values["coverage"] = log_coverage(best.coverage)
     part, pose = (probability(model, values) for model in (CONFIDENCE.same_part, CONFIDENCE.pose))
     strain = assess_size(model.mesh, fit, design.surface, inlier_mm, job.seed)

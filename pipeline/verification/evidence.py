@@ -35,6 +35,7 @@ DETAILS = {
     "normal_agreement": "mean cosine between the normals of scan and design; 0 beyond the inlier distance",
     "matched_landmarks": "share of the scan's landmarks that have their partner on the design",
     "lead": "score of the best other pose over that of this one (natural log, at most 2)",
+    "distinct_lead": "the same of the best other pose at which the design does not repeat itself",
     "mirror": "residual of the mirrored scan over that of the scan (log10); 0: not tested",
     "coverage": "share of the design that the scan shows (log10)",
 }
@@ -120,6 +121,17 @@ class Case:
             score_ratio(pose.score_mm2, best, self.diagonal_mm) for pose, symmetric in pairs if not symmetric
         )
 
+    def distinct_ratios(self) -> list[float]:
+        """Those of `alternative_ratios` at which the design does not repeat itself, lowest first."""
+        best, checks = self.registration.best.score_mm2, self.checks
+        repeats = (False,) * len(checks.symmetric) if checks.repeats is None else checks.repeats
+        pairs = zip(self.registration.alternatives, checks.symmetric, repeats, strict=True)
+        return sorted(
+            score_ratio(pose.score_mm2, best, self.diagonal_mm)
+            for pose, symmetric, repeated in pairs
+            if not (symmetric or repeated)
+        )
+
     def has_close_alternative(self, settings: RegistrationSettings) -> bool:
         """Whether a pose that is no symmetry scores less than the margin times the best."""
         required = required_ratio(self.rms_mm, self.diagonal_mm, settings)
@@ -153,7 +165,9 @@ def evidence(case: Case) -> dict[str, float]:
     mirrored_mm = None if case.checks.mirrored is None else case.checks.mirrored.rms_mm
     ratios, matched = case.alternative_ratios(), len(case.matching.scan)
     values = surface_values(case.rms_mm, case.surfaces, case.quality, case.diagonal_mm)
-    values |= rival_values(ratios, mirrored_mm, case.rms_mm, matched, case.scan_landmarks)
+    values |= rival_values(
+        ratios, case.distinct_ratios(), mirrored_mm, case.rms_mm, matched, case.scan_landmarks
+    )
     return values | {
         "coverage": log_coverage(case.registration.design_coverage),
     }
@@ -173,14 +187,21 @@ def surface_values(
 
 
 def rival_values(
-    ratios: list[float], mirrored_mm: float | None, rms_mm: float, matched: int, scan_landmarks: int
+    ratios: list[float],
+    distinct: list[float],
+    mirrored_mm: float | None,
+    rms_mm: float,
+    matched: int,
+    scan_landmarks: int,
 ) -> dict[str, float]:
-    """`lead`, `mirror` and `matched_landmarks` of one pose. ratios : score ratios of other poses, lowest
-    first; mirrored_mm : residual of the reflected scan, None where it was not tested
+    """`lead`, `distinct_lead`, `mirror` and `matched_landmarks` of one pose. ratios, distinct : score ratios
+    of other poses, and of those at which the design does not repeat itself, lowest first; mirrored_mm :
+    residual of the reflected scan, None where it was not tested
     """
     return {
         "matched_landmarks": matched / max(1, scan_landmarks),
         "lead": _lead(ratios),
+        "distinct_lead": _lead(distinct),
         "mirror": 0.0 if mirrored_mm is None else _mirror(mirrored_mm, rms_mm),
     }
 

@@ -22,10 +22,13 @@ class MirrorCheck:
 class HypothesisChecks:
     """unit_factor : the only one under which the scan fits, as surely as `ok` asks, None for mm; mirrored :
     None where that was not tested; symmetric : for each alternative pose whether it is equivalent by a
-    symmetry of the design; loose_unit_factor : one under which the scan lies on the design, but not as surely
+    symmetry of the design; loose_unit_factor : one under which the scan lies on the design, but not as
+    surely; repeats : for each alternative pose whether the design repeats itself there (`repeats`), None
+    where that was not asked
     """
 
     unit_factor: float | None
     mirrored: MirrorCheck | None
     symmetric: tuple[bool, ...]
     loose_unit_factor: float | None = None
+    repeats: tuple[bool, ...] | None = None

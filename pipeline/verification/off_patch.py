@@ -20,7 +20,8 @@ def off_patch(
     min_area_mm2: float,
     inlier_mm: float,
 ) -> Patch | None:
-    """The largest patch of a surface that stands out of what is usual on it, and is visible.
+    """The largest patch of a surface that stands out of what is usual on it, and is visible; or one of half
+    the area that stands out twice as far: as much material. A filled hole shows no more than its two ends.
 
     vertices : (n, 3) mm, design frame; ends : (k, 2) of the edges; areas_mm2, distances_mm : (n,) of the
     vertices; what of the distances is of low order is no difference; visible_mm : below it nothing is one;
@@ -35,6 +36,9 @@ def off_patch(
     left_mm = mean_mm - trend
     spread_mm = SIGMA_PER_MAD * float(np.median(np.abs(left_mm - np.median(left_mm))))
     limit_mm = max(DIFFERENCE.min_spreads * spread_mm, visible_mm)
-    beyond = np.abs(left_mm) > limit_mm
-    patch = largest_patch(cells.centre_mm, cells.adjacency, cells.weight, left_mm, beyond)
-    return patch if patch is not None and patch.area_mm2 >= min_area_mm2 else None
+    for times in (1, DIFFERENCE.deep_ratio):
+        beyond = np.abs(left_mm) > times * limit_mm
+        patch = largest_patch(cells.centre_mm, cells.adjacency, cells.weight, left_mm, beyond)
+        if patch is not None and patch.area_mm2 >= min_area_mm2 / times:
+            return patch
+    return None

@@ -74,7 +74,7 @@ class ConfidenceModel:
     """
 
     same_part: LogisticModel = LogisticModel(
-        names=("residual", "detail", "normal_agreement", "matched_landmarks", "lead", "mirror"),
+        names=("residual", "detail", "normal_agreement", "matched_landmarks", "distinct_lead", "mirror"),
         intercept=-10.939,
         weights=(-1.159, -2.946, 11.338, 2.657, 1.477, 1.95),
         typical=(-1.103, -0.685, 0.963, 0.732, 2.0, 0.0),
@@ -105,6 +105,8 @@ class DifferenceLimits:
     min_size_share : of the design's diagonal. Chosen by hand: prints warp by so much in places
     min_coarse_share : the same where a closed scan is looked up from the design. Chosen by hand
     min_area_share : area of the patch over that of the design. Chosen by hand
+    deep_ratio : a patch so many times the limits off needs that part of the area only. Chosen on one filled
+    hole of seed 3
     min_seen_past_share : area that the scanner saw past over that of the design. Chosen by hand: at the cut
     struts of a lattice 0.1 % looks so
     samples : of the design, each for the same area, that are looked up in the scan
@@ -127,6 +129,7 @@ class DifferenceLimits:
     min_size_share: float = 0.003
     min_coarse_share: float = 0.006
     min_area_share: float = 0.0005
+    deep_ratio: float = 2.0
     min_depth_ratio: float = 0.4
     min_seen_past_share: float = 0.002
     samples: int = 20_000
@@ -175,6 +178,10 @@ class HypothesisLimits:
     part of it, or the whole with some surroundings. Chosen by hand
     equal_pose_share : RMS, of the diagonal, that a symmetry-equivalent pose may leave above the best.
     Derived: the RMS up to which a motion is a symmetry (`SymmetrySchedule.rms_share`)
+    repeat_share : RMS, of the diagonal, up to which the design repeats itself at another pose. Chosen by hand
+    on a bookshelf of eight equal boxes seen by a camera (0.30 to 0.48 %); of 40 other parts one has 0.45 %,
+    the rest 0.52 % and more
+    repeat_fitness : share of the scan that lies on the design, from which on that is asked. Chosen by hand
     mirror_sample_margin : times `mirror_gain`: the mirrored scan's samples lie off by more, and not every
     vertex is looked at. Chosen by hand: the two RMS differ by a few percent
     """
@@ -185,6 +192,8 @@ class HypothesisLimits:
     min_size_ratio: float = 0.3
     max_size_ratio: float = 1.4
     equal_pose_share: float = 0.0005
+    repeat_share: float = 0.005
+    repeat_fitness: float = 0.9
     mirror_sample_margin: float = 1.2
 
 

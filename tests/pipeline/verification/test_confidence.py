@@ -37,6 +37,7 @@ RANGES = {
     "normal_agreement": (0.0, 1.0),
     "matched_landmarks": (0.0, 1.0),
     "lead": (0.0, MAX_LEAD),
+    "distinct_lead": (0.0, MAX_LEAD),
     "coverage": (float(np.log10(CONFIDENCE.min_coverage)), 0.0),
 }
 
@@ -63,7 +64,8 @@ def with_alternative(case: Case, times: float | None, *, residual_share: float |
     fit = registration.fit
     if residual_share is not None:
         fit = replace(fit, truncated_rms_mm=residual_share * case.quality.residual_limit_mm)
-    checks = replace(case.checks, symmetric=(False,) * len(alternatives))
+    none = (False,) * len(alternatives)
+    checks = replace(case.checks, symmetric=none, repeats=none)
     return replace(
         case, registration=replace(registration, alternatives=alternatives, fit=fit), checks=checks
     )
@@ -109,6 +111,17 @@ def test_an_alternative_within_the_margin_is_ambiguous_and_a_symmetry_is_none(ca
     symmetric = replace(close, checks=replace(close.checks, symmetric=(True,)))
     assert judge(symmetric, LIMITS).status == "ok"
     assert evidence(symmetric)["lead"] == MAX_LEAD
+
+
+def test_a_pose_at_which_the_design_repeats_itself_is_ambiguous_but_no_other_part(case: Case) -> None:
+    alone, close = with_alternative(case, None), with_alternative(case, LIMITS.rival_margin - 0.05)
+    repeated = replace(close, checks=replace(close.checks, repeats=(True,)))
+    found, alike, other = (judge(each, LIMITS) for each in (alone, repeated, close))
+    assert alike.status == "ambiguous"
+    assert alike.pose == other.pose
+    assert alike.same_part == pytest.approx(found.same_part)
+    assert other.same_part is not None and found.same_part is not None
+    assert other.same_part < found.same_part
 
 
 def test_a_loose_fit_needs_the_wider_margin(case: Case) -> None:
@@ -204,7 +217,7 @@ def test_evidence_stays_in_its_bounds(case: Case) -> None:
         assert min(against, in_favour) <= found[name] <= max(against, in_favour)
 
 
-@given(st.lists(st.floats(0, 1), min_size=6, max_size=6), st.sampled_from(sorted(RANGES)))
+@given(st.lists(st.floats(0, 1), min_size=7, max_size=7), st.sampled_from(sorted(RANGES)))
 def test_more_evidence_for_a_pose_never_lowers_its_probability(shares: list[float], which: str) -> None:
     here = {"mirror": 0.0}
     for share, (name, (against, in_favour)) in zip(shares, RANGES.items(), strict=True):
