@@ -16,7 +16,17 @@ from service.api.middleware.body_limit import BodyLimit
 from service.api.middleware.gunzip import Gunzip
 from service.api.middleware.request_log import RequestLog
 from service.api.openapi import describe
-from service.api.routes import batches, blobs, deliveries, designs, page, service
+from service.api.routes import (
+    batches,
+    blobs,
+    deliveries,
+    designs,
+    job_deliveries,
+    job_results,
+    job_status,
+    page,
+    service,
+)
 from service.api.routes import jobs as job_routes
 from service.auth.keys import KeyStore
 from service.auth.rate_limit import Rates
@@ -60,6 +70,9 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     app = FastAPI(title="Cusp", version=version.VERSION, lifespan=lifespan, docs_url=None, redoc_url=None)
     # routers
     app.include_router(job_routes.router)
+    app.include_router(job_status.router)
+    app.include_router(job_results.router)
+    app.include_router(job_deliveries.router)
     app.include_router(batches.router)
     app.include_router(blobs.router)
     app.include_router(designs.router)

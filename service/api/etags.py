@@ -2,8 +2,12 @@
 
 import hashlib
 from collections.abc import Mapping
+from typing import Any
 
 from fastapi import Request, Response
+
+#: For `responses` of a route.
+NOT_CHANGED: dict[int | str, dict[str, Any]] = {304: {"description": "Not changed since If-None-Match."}}
 
 
 def is_known(request: Request, etag: str) -> bool:

@@ -5,6 +5,7 @@ The file is parsed in the process of the job only.
 
 import hashlib
 import json
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -254,12 +255,15 @@ def _keep(api: Api, caller: Caller, uploads: dict[str, tuple[Upload, str | None]
             api.blobs.keep(upload)
             del pending[name]
             api.jobs.add_blob(upload.blob_id, upload.size, formats[name].value, caller.tenant)
-            api.metrics.add("cusp_uploads", {formats[name].value: 1})
-            api.metrics.add("cusp_upload_bytes", {formats[name].value: upload.size})
             blobs[name] = Blob(id=upload.blob_id, size=upload.size, format=formats[name].value)
     except BaseException:
         _discard(api, pending)
         raise
+    counts, sizes = Counter[str](), Counter[str]()
+    for blob in blobs.values():
+        counts[blob.format] += 1
+        sizes[blob.format] += blob.size
+    api.metrics.add({"cusp_uploads": counts, "cusp_upload_bytes": sizes})
     return blobs
 
 

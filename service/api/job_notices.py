@@ -1,17 +1,19 @@
-"""Hears of changed jobs from PostgreSQL, by LISTEN: one connection of a process.
+"""Hears of changed jobs: from PostgreSQL by LISTEN, one connection of a process; of SQLite by its log.
 
 The trigger `cusp_job_changed` (migration 0013) sends the id of a job with each change that clients see. A
 server that restarts, or a pooler of connections that passes no notices on, costs only speed: `JobWatch` then
-asks, as it does with SQLite.
+asks. SQLite tells of commits only, so `JobWatch` looks at all watched jobs then.
 """
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import psycopg
 import structlog
 from sqlalchemy import make_url
+
+from service.storage.commit_watch import CommitWatch
 
 CHANNEL = "cusp_jobs"
 CONNECT_TIMEOUT_S = 10
@@ -21,7 +23,44 @@ KEEPALIVES: dict[str, Any] = {"keepalives_idle": 10, "keepalives_interval": 5, "
 log = structlog.get_logger()
 
 
-class JobNotices:
+class JobNotices(Protocol):
+    """is_listening : False while changes may go unheard"""
+
+    is_listening: bool
+
+    async def listen(self, changed: Callable[[str | None], None]) -> None:
+        """Call `changed` with the id of each job that changed, until cancelled; None: any may have."""
+
+
+class CommitNotices:
+    """Of SQLite: any job may have changed with each commit. database : URL"""
+
+    def __init__(self, database: str) -> None:
+        self._database = database
+        self.is_listening = False
+
+    async def listen(self, changed: Callable[[str | None], None]) -> None:
+        """See JobNotices."""
+        loop = asyncio.get_running_loop()
+        if (commits := CommitWatch.of(self._database)) is None:
+            return
+
+        def look() -> None:
+            if commits.clear():
+                changed(None)
+
+        loop.add_reader(commits.fd, look)
+        self.is_listening = True
+        try:
+            changed(None)
+            await loop.create_future()
+        finally:
+            self.is_listening = False
+            loop.remove_reader(commits.fd)
+            commits.close()
+
+
+class PostgresNotices:
     """conninfo : of libpq"""
 
     def __init__(self, conninfo: str) -> None:
@@ -29,9 +68,8 @@ class JobNotices:
         self.is_listening = False
 
     async def listen(self, changed: Callable[[str | None], None]) -> None:
-        """Call `changed` with the id of each job that changed, until cancelled.
-
-        None when listening began, and when it ended: what changed in between is not known.
+        """See JobNotices. None when listening began, and when it ended: what changed in between is not
+        known.
         """
         while True:
             try:
@@ -52,9 +90,9 @@ class JobNotices:
             await asyncio.sleep(RETRY_S)
 
 
-def change_notices(database: str) -> JobNotices | None:
-    """Those of a database; None for SQLite, which has none."""
+def change_notices(database: str) -> JobNotices:
+    """Those of a database, by its URL."""
     url = make_url(database)
     if url.get_backend_name() != "postgresql":
-        return None
-    return JobNotices(url.set(drivername="postgresql").render_as_string(hide_password=False))
+        return CommitNotices(database)
+    return PostgresNotices(url.set(drivername="postgresql").render_as_string(hide_password=False))

@@ -2,8 +2,8 @@
 
 Each watcher that asked the database itself would cost it a query every 0.1 s. Here one task asks for what
 changed of all watched jobs, loads a row when it changed, and wakes its watchers, a few at a time, so that
-other requests are answered in between. PostgreSQL says itself which jobs changed; while it cannot, and with
-SQLite, the task asks every 0.1 s.
+other requests are answered in between. PostgreSQL says itself which jobs changed, SQLite that some did; while
+neither can, the task asks every 0.1 s.
 """
 
 import asyncio
@@ -22,7 +22,8 @@ from service.jobs.models import JobRow
 from service.jobs.store import JobStore
 from service.jobs.views import job_of
 
-INTERVAL_S = 0.1  # between two looks
+INTERVAL_S = 0.1  # between two looks while nobody tells of changes
+TOLD_INTERVAL_S = 0.02  # between two looks, however often the database tells of changes
 #: Between two looks at all watched jobs while the database tells of changes, should a notice get lost.
 SAFETY_INTERVAL_S = 2.0
 PING_INTERVAL_S = 15.0  # of streams without an event, so that proxies keep them open
@@ -160,8 +161,9 @@ class JobWatch:
         return {job_id: self._watched[job_id] for job_id in due if job_id in self._watched}
 
     async def _pause(self) -> None:
-        """Until the next look: at once after a notice, but not sooner than INTERVAL_S after the last one."""
-        await asyncio.sleep(INTERVAL_S)
+        """Until the next look: at once after a notice, but not sooner than TOLD_INTERVAL_S after the last."""
+        is_told = self._notices is not None and self._notices.is_listening
+        await asyncio.sleep(TOLD_INTERVAL_S if is_told else INTERVAL_S)
         if self._all_due_at > 0.0:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._all_due_at - time.monotonic()))

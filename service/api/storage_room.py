@@ -15,7 +15,7 @@ def check_disk(api: Api, size: int) -> None:
     """
     free = shutil.disk_usage(api.settings.data_dir).free
     if free - size < api.settings.min_free_disk_mib * MIB:
-        api.metrics.add("cusp_uploads_refused", {"disk": 1})
+        api.metrics.add({"cusp_uploads_refused": {"disk": 1}})
         raise StorageFull(
             f"{free // MIB} MiB are free on the data volume of the service, of which "
             f"{api.settings.min_free_disk_mib} are kept free; send it again later, or tell the operator"
@@ -29,7 +29,7 @@ def check_quota(api: Api, caller: Caller, size: int) -> None:
         return
     used = api.jobs.stored_bytes(caller.tenant)
     if used + size > quota:
-        api.metrics.add("cusp_uploads_refused", {"quota": 1})
+        api.metrics.add({"cusp_uploads_refused": {"quota": 1}})
         raise QuotaExceeded(
             f"meshes and results of this tenant take {used // MIB} MiB of {api.settings.tenant_quota_mib}; "
             "remove jobs that are no longer needed, or wait for retention"

@@ -332,12 +332,10 @@ class Worker:
     def _count(self, row: JobRow, task: dict[str, Any], outcome: Outcome, clock: "StageClock") -> None:
         """Counters for /metrics; JobStore counts how jobs end. An error here fails no job."""
         try:
-            self._metrics.add("cusp_stage_seconds", clock.seconds)
-            self._metrics.add("cusp_stage_passes", clock.passes)
+            amounts = {"cusp_stage_seconds": clock.seconds, "cusp_stage_passes": clock.passes}
             if "design_known" in task:
-                self._metrics.add("cusp_designs", {"yes" if task["design_known"] else "no": 1})
-            if outcome.peak_mib:
-                self._metrics.peak_mib(row.type, outcome.peak_mib)
+                amounts["cusp_designs"] = {"yes" if task["design_known"] else "no": 1}
+            self._metrics.add(amounts, {row.type: outcome.peak_mib} if outcome.peak_mib else {})
         except Exception:
             log.exception("counters not written")
 

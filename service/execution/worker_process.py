@@ -24,6 +24,7 @@ from service.jobs.retention import Retention
 from service.jobs.store import JobStore
 from service.settings import MIB, ServiceSettings
 from service.storage.blobs import BlobStore
+from service.storage.commit_watch import CommitWatch
 from service.storage.database import open_database
 from service.storage.design_cache import DesignCache
 from service.webhooks.address_guard import Guard
@@ -80,7 +81,8 @@ def run_worker(settings: ServiceSettings) -> int:
     reaper.at_start(settings.worker_id)
     runner = DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run)
     runner.start()
-    threading.Thread(target=Dispatcher(jobs, queue).run, args=(stop,), daemon=True).start()
+    dispatcher = Dispatcher(jobs, queue, CommitWatch.of(settings.database))
+    threading.Thread(target=dispatcher.run, args=(stop,), daemon=True).start()
     log.info("worker ready", jobs=settings.jobs, pid=os.getpid())
     poster = Poster(Guard.of(settings.webhook_networks))
     threading.Thread(target=Sender(Deliveries(engine), poster).run, args=(stop,), daemon=True).start()

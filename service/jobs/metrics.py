@@ -6,6 +6,7 @@ Gauges of the queue are computed from the table of jobs on each request.
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -69,20 +70,26 @@ class Metrics(Collector):
         self._session = sessionmaker(engine)
         self._clock_ms = clock_of(engine)
 
-    def add(self, name: str, amounts: Mapping[str, float]) -> None:
-        """Add to counters of one name. amounts : by label"""
-        assert name in COUNTERS, name  # noqa: S101 (a name that nobody would see)
-        rows = [
-            {"name": name, "label": label[:64], "value": value} for label, value in sorted(amounts.items())
-        ]
-        if rows:
-            with self._engine.begin() as connection:
-                connection.execute(_ADD, rows)
+    def add(
+        self,
+        amounts: Mapping[str, Mapping[str, float]],
+        peaks_mib: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        """Add to counters, in one transaction: a commit waits for the disk.
 
-    def peak_mib(self, job_type: str, mib: float) -> None:
-        """Raise the maximum of the memory of a job's process."""
+        amounts : by name and label; peaks_mib : most memory of a job's process, by type of the job
+        """
+        assert amounts.keys() <= COUNTERS.keys(), amounts  # noqa: S101 (a name that nobody would see)
+        added = [
+            {"name": name, "label": label[:64], "value": value}
+            for name, by_label in sorted(amounts.items())
+            for label, value in sorted(by_label.items())
+        ]
+        raised = [{"name": PEAK, "label": label, "value": mib} for label, mib in sorted(peaks_mib.items())]
         with self._engine.begin() as connection:
-            connection.execute(_RAISE, {"name": PEAK, "label": job_type, "value": mib})
+            for statement, rows in ((_ADD, added), (_RAISE, raised)):
+                if rows:
+                    connection.execute(statement, rows)
 
     def exposition(self) -> bytes:
         """The text format 0.0.4."""

@@ -1,10 +1,10 @@
 """Event streams on one job, and polls beside them: how long does a poll take?
 
-    python -m tests.endurance.watchers [--watchers 2000] [--polls 300] [--seconds 10]
+    python -m tests.endurance.watchers [--watchers 2000] [--polls 300] [--seconds 10] [--postgres]
 
-One API process on SQLite, and clients that speak plain HTTP over sockets, since a client library costs more
-than the service. The job's progress changes five times a second, and every stream must end with its last
-state.
+One API process on SQLite, or on a PostgreSQL server of its own, and clients that speak plain HTTP over
+sockets, since a client library costs more than the service. The job's progress changes five times a second,
+and every stream must end with its last state.
 """
 
 import argparse
@@ -14,17 +14,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import psutil
+from pydantic import SecretStr
 
 from service.contract.schemas import Status
 from service.jobs.models import JobRow, new_id
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
 from service.storage.database import migrate, open_database
-from tests.support.storage import free_port
+from tests.support.storage import free_port, running_postgres
 
 CHANGES_PER_S = 5
 SERVER = """
@@ -111,9 +112,14 @@ def main() -> None:
     parser.add_argument("--watchers", type=int, default=2000)
     parser.add_argument("--polls", type=int, default=300)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--postgres", action="store_true")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        settings = ServiceSettings(data_dir=Path(folder), port=free_port(), rate_limit_per_s=0)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        database = stack.enter_context(running_postgres()).create("watched") if given.postgres else ""
+        settings = ServiceSettings(
+            data_dir=Path(folder), port=free_port(), rate_limit_per_s=0, database_url=SecretStr(database)
+        )
         settings.make_folders()
         migrate(settings.database)
         jobs = JobStore(open_database(settings.database))

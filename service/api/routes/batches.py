@@ -5,16 +5,17 @@ import io
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 
 from pipeline import Reference
 from service.api.batch_intake import accept_batch
 from service.api.dependencies import Api, UseApi
-from service.api.etags import conditional_json
+from service.api.etags import NOT_CHANGED, conditional_json
 from service.api.identity import Reads, Writes
 from service.api.intake import check_room, json_body
+from service.api.parameters import idempotency_header
 from service.api.problems import problems
 from service.auth.keys import Caller
 from service.contract.errors import BatchNotFound, UnsupportedMediaType
@@ -55,13 +56,7 @@ async def submit_batch(
     api: UseApi,
     caller: Writes,
     idempotency_key: Annotated[
-        str | None,
-        Header(
-            min_length=1,
-            max_length=255,
-            pattern=r"^[\x21-\x7e]+$",
-            description="chosen by the client; the same request with it gives the same batch",
-        ),
+        str | None, idempotency_header("the same request with it gives the same batch")
     ] = None,
 ) -> Batch:
     """Start a job for each of up to 1,000 scans of one design, all or none."""
@@ -95,7 +90,7 @@ def list_batches(
 @router.get(
     "/{batch_id}",
     response_model=Batch,
-    responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404, 429)},
+    responses={**NOT_CHANGED, **problems(401, 403, 404, 429)},
 )
 def batch_status(batch_id: BatchId, request: Request, api: UseApi, caller: Reads) -> Response:
     """Get the state of a batch: how many of its jobs have which status, verdict and decision."""

@@ -1,12 +1,12 @@
-"""PostgreSQL tells which job changed; when it cannot, the watch asks, and hears all the same."""
+"""The database tells of changed jobs; when it cannot, the watch asks, and hears all the same."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 import psycopg
 import pytest
 
-from service.api.job_notices import JobNotices, change_notices
+from service.api.job_notices import PostgresNotices, change_notices
 from service.api.job_watch import JobWatch
 from service.contract.schemas import Status
 from tests.service.api.test_job_watch import Counting
@@ -26,12 +26,9 @@ def test_a_change_is_told_by_the_database_and_found_without_it(service: Service)
     again later.
     """
     notices = change_notices(service.settings.database)
-    assert (notices is None) == service.settings.database.startswith("sqlite")
-    if notices is None:
-        return
     jobs, job_id = Counting(service.jobs), service.submitted()
 
-    async def watched(cut: Callable[[], Awaitable[object]]) -> None:
+    async def watched() -> None:
         watch = JobWatch(jobs, 10, notices)
         async with watch.of(job_id, "default") as one:
             await until(lambda: one.version > 0 and notices.is_listening)
@@ -40,7 +37,8 @@ def test_a_change_is_told_by_the_database_and_found_without_it(service: Service)
             looks = jobs.looks
             await asyncio.sleep(0.5)
             assert jobs.looks <= looks + 1
-            await cut()
+            if isinstance(notices, PostgresNotices):
+                await asyncio.to_thread(cut, notices)
             await asyncio.to_thread(service.jobs.beat, job_id, 1, message="told without a connection")
             await until(lambda: one.row is not None and one.row.message == "told without a connection")
             await until(lambda: notices.is_listening)
@@ -48,13 +46,17 @@ def test_a_change_is_told_by_the_database_and_found_without_it(service: Service)
             await until(lambda: one.row is not None and one.row.status is Status.DISMISSED)
         await watch.close()
 
+    asyncio.run(watched())
+
+
+def cut(notices: PostgresNotices) -> None:
     with psycopg.connect(notices._conninfo, autocommit=True) as connection:
-        asyncio.run(watched(lambda: asyncio.to_thread(connection.execute, CUT)))
+        connection.execute(CUT)
 
 
 def test_a_heartbeat_is_no_change(service: Service) -> None:
     notices = change_notices(service.settings.database)
-    if notices is None:
+    if not isinstance(notices, PostgresNotices):  # which hears of commits only
         return
     job_id = service.submitted()
     service.jobs.claim(job_id, "worker-1")
@@ -75,7 +77,7 @@ def test_a_heartbeat_is_no_change(service: Service) -> None:
 
 def test_a_database_that_does_not_answer_is_no_error() -> None:
     """The watch asks, and its own query says what is wrong."""
-    notices = JobNotices("host=127.0.0.1 port=1 dbname=none connect_timeout=2")
+    notices = PostgresNotices("host=127.0.0.1 port=1 dbname=none connect_timeout=2")
 
     async def told() -> list[str | None]:
         heard: list[str | None] = []

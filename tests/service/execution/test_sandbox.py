@@ -150,13 +150,14 @@ def test_a_worker_that_does_not_listen_delays_no_other_job(make: Make, tmp_path:
     task = {"folder": str(bad), "misbehave": "dies_with_a_full_pipe"}
     thread = threading.Thread(target=sandbox.run, args=("bad", task, wait, lambda: True))
     thread.start()
-    wait_until(lambda: (bad / "child.log").exists())
-    task = {"folder": str(good), "out": str(good / "out"), "misbehave": "obedient"}
-    outcome = sandbox.run("good", task, lambda *_: None, lambda: True)
-    assert outcome.kind == "done"
-    assert not goes_on.is_set() and thread.is_alive()
-    goes_on.set()
-    thread.join(60)
+    try:
+        wait_until(lambda: (bad / "pid").exists() and not is_alive(int((bad / "pid").read_text() or 1)))
+        task = {"folder": str(good), "out": str(good / "out"), "misbehave": "obedient"}
+        assert sandbox.run("good", task, lambda *_: None, lambda: True).kind == "done"
+        assert thread.is_alive()
+    finally:
+        goes_on.set()
+        thread.join(60)
 
 
 def test_an_unwanted_job_is_killed_within_three_seconds(make: Make, tmp_path: Path) -> None:

@@ -91,9 +91,8 @@ def test_counts_of_several_processes_add_up_and_outlive_them(service: Service) -
     for _ in range(3):  # each as if it were a process of its own
         engine = open_database(service.settings.database)
         metrics = Metrics(engine, service.settings.data_dir)
-        metrics.add("cusp_stage_seconds", {"load": 1.5, "clean": 0.5})
-        metrics.peak_mib("study", 100.0)
-        metrics.peak_mib("study", 90.0)
+        metrics.add({"cusp_stage_seconds": {"load": 1.5, "clean": 0.5}}, {"study": 100.0})
+        metrics.add({}, {"study": 90.0})
         engine.dispose()
     found = samples(service)
     assert (found["cusp_stage_seconds_total", "load"], found["cusp_stage_seconds_total", "clean"]) == (

@@ -1,0 +1,17 @@
+"""Parameters that several routes take."""
+
+from typing import Annotated, Any
+
+from fastapi import Header, Path
+
+JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
+
+
+def idempotency_header(effect: str) -> Any:
+    """The header `Idempotency-Key`; `effect` is what sending it again does."""
+    return Header(
+        min_length=1,
+        max_length=255,
+        pattern=r"^[\x21-\x7e]+$",
+        description=f"chosen by the client; {effect}",
+    )
