@@ -26,7 +26,8 @@ from pipeline.inspection.alignment import Aligned, align
 from pipeline.inspection.inspect import inspect, without_pose
 from pipeline.report.artifacts import Artifacts, write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
-from pipeline.stages.registration import Registration, ScaleDiagnosis, diagnose_scale
+from pipeline.stages.registration import Registration
+from pipeline.stages.scale import ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
 from pipeline.stages.table import without_table
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
@@ -152,12 +153,10 @@ def _deviation_of_design(
 
 
 def _scale(registered: RegisteredScan, design: DesignModel, job: JobParameters) -> ScaleDiagnosis:
-    registration = registered.registration
     return diagnose_scale(
         registered.scan.mesh,
+        registered.registration,
         design.surface,
-        registration.best.T_design_scan,
-        registration.inlier_distance_mm,
         job.settings.registration.sample_points,
         job.seed,
     )
