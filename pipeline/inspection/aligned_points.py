@@ -13,6 +13,7 @@ from pipeline.core.small_motions import free_motions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
 from pipeline.inspection.patches import Value, median_of
 from pipeline.inspection.points import MIN_COSINE, MIN_VERTICES, facing
+from pipeline.inspection.pose_error import PoseError, of_point_fit
 from pipeline.kernels import rigid
 from pipeline.kernels.constrained_fit import AllowedMotions, step
 from pipeline.search.types import Matching
@@ -56,7 +57,9 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
             raise AlignmentFailed(f"the scan does not show {names}", points)
         made = step(places, along, residual, np.ones(len(sites)), AllowedMotions(None, centre))
         if rigid.rms_displacement(made.motion, np.eye(4), places) < LAST_STEP_MM:
-            return Found(T, _rms(residual), _rms(before), number, centre, made.free, points)
+            errors = np.array([0.0 if each is None else each.error_mm or 0.0 for each in found])
+            pose_error = of_point_fit(places, along, errors)
+            return Found(T, _rms(residual), _rms(before), number, centre, made.free, points, pose_error)
         T = rigid.orthonormal(made.motion @ T)
     raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps", points)
 
@@ -102,7 +105,8 @@ def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray
     height = np.einsum("kd,kd->k", moved[kept] - closest.point[kept], normal)
     crossing = normal @ site.direction
     return median_of(
-        height / np.where(np.abs(crossing) < MIN_COSINE, np.sign(crossing) * MIN_COSINE, crossing)
+        height / np.where(np.abs(crossing) < MIN_COSINE, np.sign(crossing) * MIN_COSINE, crossing),
+        placed.inflation,
     )
 
 
@@ -158,7 +162,19 @@ def fit_landmarks(placed: Placed, alignment: LandmarksFit, landmarks: Landmarks)
         AlignedPoint(name=name, position_mm=place, best_fit_mm=float(a), value_mm=float(b), n=None)
         for name, place, a, b in zip(names, design.tolist(), before, after, strict=True)
     )
-    return Found(T, _rms(after), _rms(before), 1, design.mean(axis=0), points=points)
+    return Found(
+        *(T, _rms(after), _rms(before), 1, design.mean(axis=0)),
+        points=points,
+        pose_error=_of_pairs(design, after),
+    )
+
+
+def _of_pairs(design: FloatArray, residual_mm: FloatArray) -> PoseError | None:
+    """By the residuals of the pairs: three for each, less the six unknowns."""
+    k = len(design)
+    sigma_mm = float(np.sqrt((residual_mm**2).sum() / max(3 * k - 6, 1)))
+    axes = np.tile(np.eye(3), (k, 1))
+    return of_point_fit(np.repeat(design, 3, axis=0), axes, np.full(3 * k, sigma_mm))
 
 
 def _rms(values: FloatArray) -> float:

@@ -7,6 +7,7 @@ from pipeline.core.alignment import BestFit, ConstrainedFit, ToleranceFit
 from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.inspection import regions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
+from pipeline.inspection.pose_error import of_surface_fit, patch_edge_mm
 from pipeline.kernels import rigid
 from pipeline.kernels.constrained_fit import AllowedMotions, step
 from pipeline.kernels.icp import STALL_ITERATIONS, STALL_SHARE
@@ -47,7 +48,10 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
         made = step(moved, closest.normal, residual, w * inside, motions)
         is_last = _moved_mm(made.motion, moved) < LAST_STEP_SHARE * placed.inlier_mm
         if is_last or _stalls(rms_of):
-            return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free)
+            pose_error = of_surface_fit(
+                *(closest.point, closest.normal, residual, w * inside, _edge_mm(placed)), motions
+            )
+            return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free, pose_error=pose_error)
         T = rigid.orthonormal(made.motion @ T)
     raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps")
 
@@ -228,6 +232,10 @@ def _allowed(
 def _unit(direction: list[float]) -> FloatArray:
     vector = np.array(direction, dtype=np.float64)
     return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _edge_mm(placed: Placed) -> float:
+    return patch_edge_mm(placed.scan, placed.surface.mesh.diagonal_mm)
 
 
 def _rms(values: FloatArray, weights: FloatArray) -> float:

@@ -30,7 +30,8 @@ MAX_FREE_SHARE = 1e-3
 #: hand.
 PATCH_COUNTS = (50, 200)
 #: Degrees of freedom of these standard errors over the number of large patches, so that 1.96 of them are the
-#: 95 % interval of the t distribution: patches do not hold a factor equally well. Chosen by hand on six shapes.
+#: 95 % interval of the t distribution: patches do not hold a factor equally well. Chosen by hand on six
+#: shapes.
 FREEDOM_SHARE = 1 / 3
 
 
@@ -54,8 +55,8 @@ class ScaleEstimate:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
     """scale, T : as applied to the source; known : (s,) whether the rows determine a factor; rows :
-    (k, 6 + s) of the last step, weights : (k,), basis : (6 + s, m) what they determine; radius : mm that turns
-    and scales are in units of
+    (k, 6 + s) of the last step, weights : (k,), basis : (6 + s, m) what they determine; radius : mm that
+    turns and scales are in units of
     """
 
     scale: FloatArray

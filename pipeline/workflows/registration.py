@@ -109,7 +109,7 @@ def compute_registration(
         verdict = judge(Case.of(registered, checks, quality, design, job), settings.registration)
     has_pose = verdict.status in HAS_POSE
     with timer.stage(Stage.DEVIATION):
-        aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None)
+        aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None, None)
         deviations = _deviations(aligned.registration, design, job)
         of_design = _deviation_of_design(aligned.registration, design, job) if has_pose else None
         scale = _scale(registered, design, job) if has_pose else None
@@ -122,6 +122,7 @@ def compute_registration(
             inspection = inspect(
                 *(aligned.registration, deviations, seen, design, verdict, job.acceptance),
                 alignment_problem=aligned.problem,
+                pose_error=aligned.pose_error,
             )
         else:
             inspection = without_pose(verdict, job.acceptance)
