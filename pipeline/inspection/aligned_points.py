@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from pipeline.core.alignment import LandmarksFit, RpsFit, RpsPoint
 from pipeline.core.errors import PointOffSurface
-from pipeline.core.mesh import FloatArray
+from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.results import AlignedPoint
 from pipeline.core.small_motions import free_motions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
@@ -21,6 +21,9 @@ from pipeline.search.types import Matching
 #: A step that moves the points by less (RMS) is the last: far below what is measured. Chosen by hand.
 LAST_STEP_MM = 1e-6
 MAX_STEPS = 50
+#: Steps after which the vertices at each point, and their places, stay those of the last step: on the border
+#: of its radius noise lets some come and go for ever. Chosen by hand: without noise two or three are enough.
+FREE_STEPS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,8 +50,11 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
     places, along = (np.array([getattr(each, of) for each in sites]) for of in ("place", "direction"))
     T, before = placed.start.T_design_scan, None
     centre, tree = places.mean(axis=0), KDTree(placed.scan.vertices)
+    there: list[_There | None] = []
     for number in range(1, MAX_STEPS + 1):
-        found = [_offset(each, placed, tree, T) for each in sites]
+        if number <= FREE_STEPS:
+            there = [_there(each, placed, tree, T) for each in sites]
+        found = [_offset(*each, placed, T) for each in zip(sites, there, strict=True)]
         residual = np.array([np.nan if value is None else value.median_mm for value in found])
         before = residual if before is None else before
         points = _records(sites, before, residual, found)
@@ -82,16 +88,25 @@ def _site(point: RpsPoint, placed: Placed) -> _Site:
     return _Site(point, closest.point[0], closest.normal[0], direction)
 
 
-def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray) -> Value | None:
-    """How far the scan is from the place of the design, along the direction; None where it shows none.
+@dataclass(frozen=True, slots=True, eq=False)
+class _There:
+    """Vertices (k,) of the scan at a reference point, and their places and normals (k, 3) on the design."""
+
+    vertices: IndexArray
+    place: FloatArray
+    normal: FloatArray
+
+
+def _there(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray) -> _There | None:
+    """What the scan shows at the point; None where it shows too little.
 
     tree : of the vertices of the scan
     """
     T_scan_design = rigid.inverse(T_design_scan)
     # only vertices that can have their closest place near the point
-    there = rigid.transformed(T_scan_design, site.place[None])[0]
+    at = rigid.transformed(T_scan_design, site.place[None])[0]
     reach = site.point.radius_mm + placed.inlier_mm
-    near = np.array(tree.query_ball_point(there, reach, return_sorted=True), dtype=np.int64)
+    near = np.array(tree.query_ball_point(at, reach, return_sorted=True), dtype=np.int64)
     if len(near) < MIN_VERTICES:
         return None
     moved = rigid.transformed(T_design_scan, placed.scan.vertices[near])
@@ -101,9 +116,16 @@ def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray
     kept &= closest.distance <= placed.inlier_mm
     if kept.sum() < MIN_VERTICES:
         return None
-    normal = closest.normal[kept]
-    height = np.einsum("kd,kd->k", moved[kept] - closest.point[kept], normal)
-    crossing = normal @ site.direction
+    return _There(near[kept], closest.point[kept], closest.normal[kept])
+
+
+def _offset(site: _Site, there: _There | None, placed: Placed, T_design_scan: FloatArray) -> Value | None:
+    """How far the scan is from the place of the design, along the direction; None where it shows none."""
+    if there is None:
+        return None
+    moved = rigid.transformed(T_design_scan, placed.scan.vertices[there.vertices])
+    height = np.einsum("kd,kd->k", moved - there.place, there.normal)
+    crossing = there.normal @ site.direction
     return median_of(
         height / np.where(np.abs(crossing) < MIN_COSINE, np.sign(crossing) * MIN_COSINE, crossing),
         placed.inflation,

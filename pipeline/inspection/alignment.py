@@ -21,7 +21,7 @@ from pipeline.core.small_motions import named
 from pipeline.inspection.aligned_points import Landmarks, fit_landmarks, fit_reference_points
 from pipeline.inspection.aligned_surface import fit_surface, fit_tolerances
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
-from pipeline.inspection.pose_error import EDGE_DIAMETERS, PoseError, of_surface_fit, patch_edge_mm
+from pipeline.inspection.pose_error import PoseError, of_surface_fit, patch_edge_mm
 from pipeline.kernels import rigid
 from pipeline.kernels.correlated_noise import noise_of
 from pipeline.search.scan_model import ScanPoints
@@ -97,7 +97,7 @@ def _inflation(registration: Registration, design: DesignModel) -> float:
     near = np.flatnonzero(fit.closest.distance <= registration.inlier_distance_mm)
     closest, moved = fit.closest.of(near), fit.moved[near]
     height = np.einsum("kd,kd->k", moved - closest.point, closest.normal)
-    diameter_mm = patch_edge_mm(registration.scan, design.diagonal_mm) / EDGE_DIAMETERS
+    diameter_mm = patch_edge_mm(registration.scan, design.diagonal_mm)
     return noise_of(closest.point, closest.normal, height, diameter_mm).inflation() if near.size else 1.0
 
 
