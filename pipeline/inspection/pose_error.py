@@ -17,8 +17,8 @@ from pipeline.kernels.constrained_fit import AllowedMotions
 from pipeline.kernels.correlated_noise import noise_of
 
 #: Edges of the patches of the jackknife over the diameter of the default patch of the inspection; the small
-#: ones show how much is lost at the borders of the large ones. Chosen by hand on three shapes: with edges twice
-#: as long the curvature of a warp counts as noise, and errors are two to three times too large.
+#: ones show how much is lost at the borders of the large ones. Chosen by hand on three shapes: with edges
+#: twice as long the curvature of a warp counts as noise, and errors are two to three times too large.
 EDGE_DIAMETERS = (1.0, 0.5)
 #: Eigenvalue (dimensionless) of the normal equations below which a motion is free: it stays as it is, and
 #: moves no deviation. Chosen by hand; not fitted.

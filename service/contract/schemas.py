@@ -29,7 +29,6 @@ from pipeline import (
     StudySettings,
     Unit,
     VerdictStatus,
-    limits_are_given,
 )
 
 BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
@@ -180,17 +179,6 @@ class Options(Request):
         if columns is not None:
             PointColumns.of(columns)
         return columns
-
-    @model_validator(mode="after")
-    def _limits_are_there(self) -> Self:
-        if self.acceptance is not None:
-            try:
-                self.acceptance.with_tolerance(self.tolerance_mm)
-            except ValueError as error:
-                raise ValueError(f"acceptance: {error}") from error
-        if not limits_are_given(self.alignment, self.acceptance, self.tolerance_mm):
-            raise ValueError("alignment: a tolerance_fit needs limits: its own, acceptance or tolerance_mm")
-        return self
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:

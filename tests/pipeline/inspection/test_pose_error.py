@@ -54,7 +54,7 @@ def test_a_translation_does_not_change_a_distance_and_a_shift_of_a_plane_is_its_
 
 
 def test_the_errors_of_the_medians_move_an_rps_alignment() -> None:
-    """25 scans with noise, few vertices at each point: 95 % intervals of the deviation far from them hold 0."""
+    """25 scans with noise, few vertices at each point: 95 % intervals far from them hold 0."""
     place, normal = np.array([[40.0, 30, 20]]), np.array([[0.0, 0, 1]])
     moved, errors = [], []
     for seed in range(25):

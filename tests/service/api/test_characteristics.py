@@ -50,6 +50,21 @@ def test_jobs_take_what_is_kept_with_their_design_unless_they_state_their_own(
     assert_problem(wrong, 422, "invalid_options", "options.acceptance: no region is named 'sear'", "'seat'")
 
 
+def test_limits_that_a_job_leaves_out_are_those_of_the_design(service: Service, address: str) -> None:
+    share, fit = '{"acceptance": {"min_within": 0.9}}', '{"alignment": {"kind": "tolerance_fit"}}'
+    both = '{"acceptance": {"min_coverage": 0.9}, "alignment": {"kind": "tolerance_fit"}}'
+    for document, words in ((share, "min_within needs"), (fit, "needs limits"), (both, "needs limits")):
+        assert_problem(service.submit(document), 422, "invalid_options", words)
+    assert options_of_new_job(service, share[:-1] + ', "tolerance_mm": 0.4}')["tolerance_mm"] == 0.4
+    assert service.http.put(address, json={"tolerance_mm": 0.3}).status_code == 201
+    assert options_of_new_job(service, both)["tolerance_mm"] == 0.3
+    limits = {"lower_mm": -0.1, "upper_mm": 0.2}
+    assert service.http.put(address, json={"acceptance": limits, "tolerance_mm": 0.3}).status_code == 200
+    for document, part in ((share, "acceptance"), (fit, "acceptance"), (both, "alignment")):
+        taken = options_of_new_job(service, document)[part]
+        assert {name: taken[name] for name in limits} == limits
+
+
 def test_a_document_is_changed_only_as_it_is_known(service: Service, address: str) -> None:
     http = service.http
     assert_problem(http.get(address), 404, "no_characteristics")
