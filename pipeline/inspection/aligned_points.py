@@ -22,8 +22,9 @@ from pipeline.search.types import Matching
 LAST_STEP_MM = 1e-6
 MAX_STEPS = 50
 #: Steps after which the vertices at each point, and their places, stay those of the last step: on the border
-#: of its radius noise lets some come and go for ever. Chosen by hand: without noise two or three are enough.
-FREE_STEPS = 8
+#: of its radius noise lets some come and go for ever. Later steps are made by a share, since the median may
+#: be of one vertex before a step and of another after it. Chosen by hand: without noise two or three suffice.
+FREE_STEPS, LATER_SHARE = 8, 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +67,8 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
             errors = np.array([0.0 if each is None else each.error_mm or 0.0 for each in found])
             pose_error = of_point_fit(places, along, errors)
             return Found(T, _rms(residual), _rms(before), number, centre, made.free, points, pose_error)
-        T = rigid.orthonormal(made.motion @ T)
+        share = 1.0 if number <= FREE_STEPS else LATER_SHARE
+        T = rigid.orthonormal(rigid.share_of(made.motion, centre, share) @ T)
     raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps", points)
 
 

@@ -111,7 +111,7 @@ def _into_limits(
         centre = np.einsum("k,kd->d", w / w.sum(), here)
         made = step(here, along, residual, weights, AllowedMotions(None, centre), determined_share=1e-9)
         for halving in range(HALVINGS):
-            part = _share_of(made.motion, centre, 0.5**halving)
+            part = rigid.share_of(made.motion, centre, 0.5**halving)
             trial, now_there, beyond_there = cost_mm2(part @ motion)
             if trial < cost:
                 break
@@ -122,16 +122,6 @@ def _into_limits(
         if is_last:
             break
     return motion
-
-
-def _share_of(motion: FloatArray, centre: FloatArray, share: float) -> FloatArray:
-    """(4, 4) a share of a small motion about a centre."""
-    if share == 1.0:
-        return motion
-    twist = rigid.rotation_vector(motion)
-    turn = rigid.from_vector(np.concatenate([share * twist, np.zeros(3)])[None])[0][:3, :3]
-    slide = rigid.transformed(motion, centre[None])[0] - centre
-    return rigid.rotation_about(turn, centre, centre + share * slide)
 
 
 def _beyond(signed: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
