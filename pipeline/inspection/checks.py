@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from pipeline.core.acceptance import Acceptance, DistanceLimits, PointLimits, SurfaceLimits
 from pipeline.core.mesh import BoolArray, FloatArray
@@ -15,6 +16,10 @@ from pipeline.inspection.patches import Patches
 from pipeline.inspection.points import MeasuredPoint, measured_point, off_nominal
 from pipeline.inspection.pose_error import PoseError
 from pipeline.kernels.surface import Surface
+
+#: Patches whose value is nearer to the most extreme one than so many of its standard errors could be it as well.
+#: Chosen by hand.
+NEAR_ERRORS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +184,9 @@ def _of_extreme(
     if known.any():
         sign = 1.0 if kind == "highest" else -1.0
         top = int(np.where(known, sign * value_mm, -np.inf).argmax())
-        value, error, n = float(value_mm[top]), float(part.patches.error_mm[top]), int(part.patches.n[top])
+        value, n = float(value_mm[top]), int(part.patches.n[top])
+        error = float(part.patches.error_mm[top])
+        error *= _of_choice(part, known & (sign * (value_mm[top] - value_mm) <= NEAR_ERRORS * error))
         position = part.surface.place_mm[top].tolist()
     return Check(
         name=f"{prefix}{kind}",
@@ -194,6 +201,16 @@ def _of_extreme(
         passed=passes(value, lower, upper, acceptance.uncertainty_mm),
         position_mm=position,
     )
+
+
+def _of_choice(part: Part, near: BoolArray) -> float:
+    """Factor of the standard error of the most extreme patch: it is the largest of several that are as extreme
+    within their errors, and the largest of m equal values with noise lies beyond them by the expected maximum
+    of m normal variables (Blom, "Statistical estimates and transformed beta-variables", 1958). near : (c,)
+    """
+    a_patch_mm2 = np.pi * part.patches.diameter_mm**2 / 4
+    m = max(1.0, float(part.surface.place_area_mm2[near].sum()) / a_patch_mm2)  # that share no vertex
+    return float(np.hypot(1.0, stats.norm.ppf((m - 0.375) / (m + 0.25))))
 
 
 def _of_point(part: Part, point: MeasuredPoint, limits: PointLimits, acceptance: Acceptance) -> Check:
