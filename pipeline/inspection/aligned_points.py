@@ -20,7 +20,7 @@ from pipeline.search.types import Matching
 
 #: A step that moves the points by less (RMS) is the last: far below what is measured. Chosen by hand.
 LAST_STEP_MM = 1e-6
-MAX_STEPS = 50
+MAX_STEPS = 200
 #: Steps after which the vertices at each point, and their places, stay those of the last step: on the border
 #: of its radius noise lets some come and go for ever. Later steps are made by a share, since the median may
 #: be of one vertex before a step and of another after it. Chosen by hand: without noise two or three suffice.

@@ -17,8 +17,8 @@ from pipeline.inspection.points import MeasuredPoint, measured_point, off_nomina
 from pipeline.inspection.pose_error import PoseError
 from pipeline.kernels.surface import Surface
 
-#: Patches whose value is nearer to the most extreme one than so many of its standard errors could be it as well.
-#: Chosen by hand.
+#: Patches whose value is nearer to the most extreme one than so many of its standard errors could be it as
+#: well. Chosen by hand.
 NEAR_ERRORS = 2.0
 
 
@@ -204,9 +204,9 @@ def _of_extreme(
 
 
 def _of_choice(part: Part, near: BoolArray) -> float:
-    """Factor of the standard error of the most extreme patch: it is the largest of several that are as extreme
-    within their errors, and the largest of m equal values with noise lies beyond them by the expected maximum
-    of m normal variables (Blom, "Statistical estimates and transformed beta-variables", 1958). near : (c,)
+    """Factor of the standard error of the most extreme patch: it is the largest of several that are as
+    extreme within their errors, and the largest of m equal values with noise lies beyond them by the expected
+    maximum of m normal variables (Blom, "Statistical estimates and transformed beta-variables", 1958). near : (c,)
     """
     a_patch_mm2 = np.pi * part.patches.diameter_mm**2 / 4
     m = max(1.0, float(part.surface.place_area_mm2[near].sum()) / a_patch_mm2)  # that share no vertex
