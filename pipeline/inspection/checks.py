@@ -206,7 +206,9 @@ def _of_extreme(
 def _of_choice(part: Part, near: BoolArray) -> float:
     """Factor of the standard error of the most extreme patch: it is the largest of several that are as
     extreme within their errors, and the largest of m equal values with noise lies beyond them by the expected
-    maximum of m normal variables (Blom, "Statistical estimates and transformed beta-variables", 1958). near : (c,)
+    maximum of m normal variables (Blom, "Statistical estimates and transformed beta-variables", 1958).
+
+    near : (c,) the patches that are as extreme
     """
     a_patch_mm2 = np.pi * part.patches.diameter_mm**2 / 4
     m = max(1.0, float(part.surface.place_area_mm2[near].sum()) / a_patch_mm2)  # that share no vertex

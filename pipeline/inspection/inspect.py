@@ -38,7 +38,8 @@ def inspect(
     alignment_problem: str | None = None,
     pose_error: PoseError | None = None,
 ) -> Inspection:
-    """Check a registered scan against its limits. seen : share of the design's area that the scan shows;
+    """Check a registered scan against its limits. seen : share of the design's area that the scan shows, by
+    the design's vertices;
     alignment_problem : why the alignment asked for was not made; pose_error : how well it is known
 
     A part passes only when the verdict is `ok`, there is at least one check, and all pass. It fails only when
@@ -56,6 +57,8 @@ def inspect(
     if pose_error is not None:
         of_pose_mm = pose_error.at(surface.place_mm, surface.place_normal)
         found = replace(found, error_mm=np.hypot(found.error_mm, of_pose_mm))
+    if len(surface.place_mm) > len(design.analysis.mesh.vertices) and registration.scan_surface is not None:
+        seen = surface.seen()  # a CAD file has vertices at its corners only, which say little of its faces
     part = Part(surface, found, design.surface, seen, verdict, inflation, pose_error)
     checks = [] if acceptance is None else checks_of(part, acceptance)
     decision, reasons = decide(verdict, checks, acceptance, alignment_problem)
