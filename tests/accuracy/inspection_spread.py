@@ -129,21 +129,24 @@ def main() -> None:
     names = [check.name for check in exact.inspection.checks if check.unit == "mm"]
     found, errors = (np.array(each) for each in zip(*map(values, results), strict=True))
     table = Table("check", "truth, mm", "mean, mm", "SD, mm", "standard error, mm", "95 % interval holds it")
+    # A value that the scan does not show, or that is of the design's side and has no error, has no interval
+    known = np.isfinite(found) & np.isfinite(errors)
+    holds = np.abs(found - truth) <= COVERED * errors
     for number, check in enumerate(names):
-        inside = np.abs(found[:, number] - truth[number]) <= COVERED * errors[:, number]
+        some = known[:, number]
         table.add_row(
             check,
             f"{truth[number]:+.4f}",
-            f"{found[:, number].mean():+.4f}",
-            f"{found[:, number].std(ddof=1):.4f}",
-            f"{np.median(errors[:, number]):.4f}",
-            f"{inside.mean():.0%}",
+            f"{np.nanmean(found[:, number]):+.4f}",
+            f"{np.nanstd(found[:, number], ddof=1):.4f}",
+            f"{np.median(errors[some, number]):.4f}",
+            f"{holds[some, number].mean():.0%} of {some.sum()}",
         )
     console = Console(width=120)
     console.print(table)
     is_point = np.array([name.startswith("P") for name in names])
-    inside = np.abs(found - truth) <= COVERED * errors
-    console.print(f"points together: {inside[:, is_point].mean():.1%} of the intervals hold the truth")
+    of_points = holds[:, is_point][known[:, is_point]]
+    console.print(f"points together: {of_points.mean():.1%} of {of_points.size} intervals hold the truth")
     decisions = Counter(each.inspection.decision for each in results if each.inspection is not None)
     console.print(
         f"decisions of {scans} scans: {dict(decisions)}; without noise: {exact.inspection.decision}"
