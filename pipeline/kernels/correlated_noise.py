@@ -42,8 +42,12 @@ class Noise:
         told = (n >= MIN_CELL_VALUES) & (squares > 0)
         if told.sum() < MIN_CELLS:
             return 1.0
-        ratio = float(np.median(total[told] ** 2 / squares[told]))
-        return max(1.0, self.lost * ratio / MEDIAN_CHI_SQUARE)
+        # Two medians: the ratio cell by cell is biased where few values of a cell are independent
+        of_sums = float(np.median(total[told] ** 2 / n[told])) / MEDIAN_CHI_SQUARE
+        found = max(1.0, self.lost * of_sums / float(np.median(squares[told] / n[told])))
+        # The median of a mean of k squares lies below it (Wilson & Hilferty 1931)
+        k = max(1.0, float(np.median(n[told])) / found)
+        return max(1.0, found * (1 - 2 / (9 * k)) ** 3)
 
 
 def noise_of(points: FloatArray, normals: FloatArray, values: FloatArray, edge_mm: float) -> Noise:
