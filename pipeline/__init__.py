@@ -9,7 +9,7 @@ Importing this is cheap: open3d, pymeshlab and trimesh are loaded by the first c
 
 from pipeline.api import find_landmarks, find_segments, preload, register, study
 from pipeline.core import errors
-from pipeline.core.acceptance import Acceptance
+from pipeline.core.acceptance import Acceptance, BrepFacesRegion
 from pipeline.core.alignment import (
     Alignment,
     BestFit,
@@ -44,6 +44,7 @@ __all__ = [
     "Acceptance",
     "Alignment",
     "BestFit",
+    "BrepFacesRegion",
     "Characteristics",
     "ConstrainedFit",
     "Decision",

@@ -7,19 +7,24 @@ from scipy.spatial import KDTree
 
 from pipeline.core.alignment import LandmarksFit, RpsFit, RpsPoint
 from pipeline.core.errors import PointOffSurface
-from pipeline.core.mesh import FloatArray
+from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.results import AlignedPoint
 from pipeline.core.small_motions import free_motions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
 from pipeline.inspection.patches import Value, median_of
 from pipeline.inspection.points import MIN_COSINE, MIN_VERTICES, facing
+from pipeline.inspection.pose_error import PoseError, of_point_fit
 from pipeline.kernels import rigid
 from pipeline.kernels.constrained_fit import AllowedMotions, step
 from pipeline.search.types import Matching
 
 #: A step that moves the points by less (RMS) is the last: far below what is measured. Chosen by hand.
 LAST_STEP_MM = 1e-6
-MAX_STEPS = 50
+MAX_STEPS = 200
+#: Steps after which the vertices at each point, and their places, stay those of the last step: on the border
+#: of its radius noise lets some come and go for ever. Later steps are made by a share, since the median may
+#: be of one vertex before a step and of another after it. Chosen by hand: without noise two or three suffice.
+FREE_STEPS, LATER_SHARE = 8, 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +51,11 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
     places, along = (np.array([getattr(each, of) for each in sites]) for of in ("place", "direction"))
     T, before = placed.start.T_design_scan, None
     centre, tree = places.mean(axis=0), KDTree(placed.scan.vertices)
+    there: list[_There | None] = []
     for number in range(1, MAX_STEPS + 1):
-        found = [_offset(each, placed, tree, T) for each in sites]
+        if number <= FREE_STEPS:
+            there = [_there(each, placed, tree, T) for each in sites]
+        found = [_offset(*each, placed, T) for each in zip(sites, there, strict=True)]
         residual = np.array([np.nan if value is None else value.median_mm for value in found])
         before = residual if before is None else before
         points = _records(sites, before, residual, found)
@@ -56,8 +64,11 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
             raise AlignmentFailed(f"the scan does not show {names}", points)
         made = step(places, along, residual, np.ones(len(sites)), AllowedMotions(None, centre))
         if rigid.rms_displacement(made.motion, np.eye(4), places) < LAST_STEP_MM:
-            return Found(T, _rms(residual), _rms(before), number, centre, made.free, points)
-        T = rigid.orthonormal(made.motion @ T)
+            errors = np.array([0.0 if each is None else each.error_mm or 0.0 for each in found])
+            pose_error = of_point_fit(places, along, errors)
+            return Found(T, _rms(residual), _rms(before), number, centre, made.free, points, pose_error)
+        share = 1.0 if number <= FREE_STEPS else LATER_SHARE
+        T = rigid.orthonormal(rigid.share_of(made.motion, centre, share) @ T)
     raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps", points)
 
 
@@ -79,16 +90,25 @@ def _site(point: RpsPoint, placed: Placed) -> _Site:
     return _Site(point, closest.point[0], closest.normal[0], direction)
 
 
-def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray) -> Value | None:
-    """How far the scan is from the place of the design, along the direction; None where it shows none.
+@dataclass(frozen=True, slots=True, eq=False)
+class _There:
+    """Vertices (k,) of the scan at a reference point, and their places and normals (k, 3) on the design."""
+
+    vertices: IndexArray
+    place: FloatArray
+    normal: FloatArray
+
+
+def _there(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray) -> _There | None:
+    """What the scan shows at the point; None where it shows too little.
 
     tree : of the vertices of the scan
     """
     T_scan_design = rigid.inverse(T_design_scan)
     # only vertices that can have their closest place near the point
-    there = rigid.transformed(T_scan_design, site.place[None])[0]
+    at = rigid.transformed(T_scan_design, site.place[None])[0]
     reach = site.point.radius_mm + placed.inlier_mm
-    near = np.array(tree.query_ball_point(there, reach, return_sorted=True), dtype=np.int64)
+    near = np.array(tree.query_ball_point(at, reach, return_sorted=True), dtype=np.int64)
     if len(near) < MIN_VERTICES:
         return None
     moved = rigid.transformed(T_design_scan, placed.scan.vertices[near])
@@ -98,11 +118,19 @@ def _offset(site: _Site, placed: Placed, tree: KDTree, T_design_scan: FloatArray
     kept &= closest.distance <= placed.inlier_mm
     if kept.sum() < MIN_VERTICES:
         return None
-    normal = closest.normal[kept]
-    height = np.einsum("kd,kd->k", moved[kept] - closest.point[kept], normal)
-    crossing = normal @ site.direction
+    return _There(near[kept], closest.point[kept], closest.normal[kept])
+
+
+def _offset(site: _Site, there: _There | None, placed: Placed, T_design_scan: FloatArray) -> Value | None:
+    """How far the scan is from the place of the design, along the direction; None where it shows none."""
+    if there is None:
+        return None
+    moved = rigid.transformed(T_design_scan, placed.scan.vertices[there.vertices])
+    height = np.einsum("kd,kd->k", moved - there.place, there.normal)
+    crossing = there.normal @ site.direction
     return median_of(
-        height / np.where(np.abs(crossing) < MIN_COSINE, np.sign(crossing) * MIN_COSINE, crossing)
+        height / np.where(np.abs(crossing) < MIN_COSINE, np.sign(crossing) * MIN_COSINE, crossing),
+        placed.inflation,
     )
 
 
@@ -158,7 +186,19 @@ def fit_landmarks(placed: Placed, alignment: LandmarksFit, landmarks: Landmarks)
         AlignedPoint(name=name, position_mm=place, best_fit_mm=float(a), value_mm=float(b), n=None)
         for name, place, a, b in zip(names, design.tolist(), before, after, strict=True)
     )
-    return Found(T, _rms(after), _rms(before), 1, design.mean(axis=0), points=points)
+    return Found(
+        *(T, _rms(after), _rms(before), 1, design.mean(axis=0)),
+        points=points,
+        pose_error=_of_pairs(design, after),
+    )
+
+
+def _of_pairs(design: FloatArray, residual_mm: FloatArray) -> PoseError | None:
+    """By the residuals of the pairs: three for each, less the six unknowns."""
+    k = len(design)
+    sigma_mm = float(np.sqrt((residual_mm**2).sum() / max(3 * k - 6, 1)))
+    axes = np.tile(np.eye(3), (k, 1))
+    return of_point_fit(np.repeat(design, 3, axis=0), axes, np.full(3 * k, sigma_mm))
 
 
 def _rms(values: FloatArray) -> float:

@@ -7,6 +7,7 @@ from pipeline.core.alignment import BestFit, ConstrainedFit, ToleranceFit
 from pipeline.core.mesh import BoolArray, FloatArray
 from pipeline.inspection import regions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
+from pipeline.inspection.pose_error import of_surface_fit, patch_edge_mm
 from pipeline.kernels import rigid
 from pipeline.kernels.constrained_fit import AllowedMotions, step
 from pipeline.kernels.icp import STALL_ITERATIONS, STALL_SHARE
@@ -47,7 +48,10 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
         made = step(moved, closest.normal, residual, w * inside, motions)
         is_last = _moved_mm(made.motion, moved) < LAST_STEP_SHARE * placed.inlier_mm
         if is_last or _stalls(rms_of):
-            return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free)
+            pose_error = of_surface_fit(
+                *(closest.point, closest.normal, residual, w * inside, _edge_mm(placed)), motions
+            )
+            return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free, pose_error=pose_error)
         T = rigid.orthonormal(made.motion @ T)
     raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps")
 
@@ -107,7 +111,7 @@ def _into_limits(
         centre = np.einsum("k,kd->d", w / w.sum(), here)
         made = step(here, along, residual, weights, AllowedMotions(None, centre), determined_share=1e-9)
         for halving in range(HALVINGS):
-            part = _share_of(made.motion, centre, 0.5**halving)
+            part = rigid.share_of(made.motion, centre, 0.5**halving)
             trial, now_there, beyond_there = cost_mm2(part @ motion)
             if trial < cost:
                 break
@@ -118,16 +122,6 @@ def _into_limits(
         if is_last:
             break
     return motion
-
-
-def _share_of(motion: FloatArray, centre: FloatArray, share: float) -> FloatArray:
-    """(4, 4) a share of a small motion about a centre."""
-    if share == 1.0:
-        return motion
-    twist = rigid.rotation_vector(motion)
-    turn = rigid.from_vector(np.concatenate([share * twist, np.zeros(3)])[None])[0][:3, :3]
-    slide = rigid.transformed(motion, centre[None])[0] - centre
-    return rigid.rotation_about(turn, centre, centre + share * slide)
 
 
 def _beyond(signed: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
@@ -228,6 +222,10 @@ def _allowed(
 def _unit(direction: list[float]) -> FloatArray:
     vector = np.array(direction, dtype=np.float64)
     return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _edge_mm(placed: Placed) -> float:
+    return patch_edge_mm(placed.scan, placed.surface.mesh.diagonal_mm)
 
 
 def _rms(values: FloatArray, weights: FloatArray) -> float:

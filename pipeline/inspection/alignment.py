@@ -21,7 +21,10 @@ from pipeline.core.small_motions import named
 from pipeline.inspection.aligned_points import Landmarks, fit_landmarks, fit_reference_points
 from pipeline.inspection.aligned_surface import fit_surface, fit_tolerances
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
+from pipeline.inspection.pose_error import PoseError, of_surface_fit, patch_edge_mm
 from pipeline.kernels import rigid
+from pipeline.kernels.correlated_noise import noise_of
+from pipeline.search.scan_model import ScanPoints
 from pipeline.stages.registration import Registration, evaluate_fit
 
 #: An alignment that moves the part farther, over the design's diagonal, is another pose than the one that the
@@ -32,11 +35,12 @@ MAX_MOVE_SHARE = 0.05
 @dataclass(frozen=True, slots=True)
 class Aligned:
     """registration : with the fit under the alignment, as deviations and inspection use it; record : of the
-    alignment asked for, None where none was
+    alignment asked for, None where none was; pose_error : of the alignment, None where it is not known
     """
 
     registration: Registration
     record: AppliedAlignment | None
+    pose_error: PoseError | None
 
     @property
     def problem(self) -> str | None:
@@ -53,7 +57,7 @@ def align(registered: RegisteredScan, design: DesignModel, job: JobParameters) -
     """
     registration = registered.registration
     if job.alignment is None:
-        return Aligned(registration, None)
+        return Aligned(registration, None, _of_best_fit(registered, design, job))
     scan = registration.scan
     placed = Placed(
         scan=scan,
@@ -63,6 +67,7 @@ def align(registered: RegisteredScan, design: DesignModel, job: JobParameters) -
         segment_of_face=np.asarray(design.analysis.segment_of_faces(), dtype=np.int64),
         brep=design.cached.brep,
         inlier_mm=registration.inlier_distance_mm,
+        inflation=_inflation(registration, design) if isinstance(job.alignment, RpsFit) else 1.0,
     )
     landmarks = Landmarks(
         registration.matching,
@@ -78,9 +83,34 @@ def align(registered: RegisteredScan, design: DesignModel, job: JobParameters) -
                 f"it would move the part by {moved_mm:.3g} mm, to another pose than the one that was judged"
             )
     except AlignmentFailed as failed:
-        return Aligned(registration, _record(job.alignment, placed, None, failed))
+        return Aligned(registration, _record(job.alignment, placed, None, failed), None)
     fit = evaluate_fit(scan, placed.weights, design.surface, found.T_design_scan, placed.inlier_mm)
-    return Aligned(replace(registration, fit=fit), _record(job.alignment, placed, found, None))
+    pose_error = found.pose_error
+    if isinstance(job.alignment, ToleranceFit) or found.iterations == 0:
+        pose_error = _of_best_fit(registered, design, job)
+    return Aligned(replace(registration, fit=fit), _record(job.alignment, placed, found, None), pose_error)
+
+
+def _inflation(registration: Registration, design: DesignModel) -> float:
+    """Of the variance of the median at a reference point, by the noise of the scan on the design."""
+    fit = registration.fit
+    near = np.flatnonzero(fit.closest.distance <= registration.inlier_distance_mm)
+    closest, moved = fit.closest.of(near), fit.moved[near]
+    height = np.einsum("kd,kd->k", moved - closest.point, closest.normal)
+    diameter_mm = patch_edge_mm(registration.scan, design.diagonal_mm)
+    return noise_of(closest.point, closest.normal, height, diameter_mm).inflation() if near.size else 1.0
+
+
+def _of_best_fit(registered: RegisteredScan, design: DesignModel, job: JobParameters) -> PoseError | None:
+    """Of the automatic pose, by the samples that it was fitted to; a fit to limits is taken for as good."""
+    registration = registered.registration
+    samples = ScanPoints.of(registration.scan, job.settings.registration.sample_points, job.seed)
+    moved = rigid.transformed(registration.fit.T_design_scan, samples.points)
+    closest = design.surface.closest(moved)
+    residual = np.einsum("kd,kd->k", moved - closest.point, closest.normal)
+    weights = samples.weights * (closest.distance <= registration.inlier_distance_mm)
+    edge_mm = patch_edge_mm(registration.scan, design.diagonal_mm)
+    return of_surface_fit(closest.point, closest.normal, residual, weights, edge_mm)
 
 
 def _found(alignment: Alignment, placed: Placed, landmarks: Landmarks, job: JobParameters) -> Found:

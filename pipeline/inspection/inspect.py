@@ -1,5 +1,9 @@
 """The decision on a part: `pass`, `fail` or `not_judged`, with its reasons."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from pipeline.analysis.design_model import DesignModel
 from pipeline.core.acceptance import Acceptance
 from pipeline.core.results import Verdict
@@ -9,6 +13,8 @@ from pipeline.inspection.extremes import extremes
 from pipeline.inspection.limits_check import rule
 from pipeline.inspection.measured_surface import MeasuredSurface
 from pipeline.inspection.patches import default_diameter_mm, patches
+from pipeline.inspection.pose_error import PoseError
+from pipeline.kernels.correlated_noise import noise_of
 from pipeline.kernels.surface_patches import adjacency_of
 from pipeline.stages.deviation import Deviations
 from pipeline.stages.registration import Registration
@@ -30,9 +36,11 @@ def inspect(
     verdict: Verdict,
     acceptance: Acceptance | None,
     alignment_problem: str | None = None,
+    pose_error: PoseError | None = None,
 ) -> Inspection:
-    """Check a registered scan against its limits. seen : share of the design's area that the scan shows;
-    alignment_problem : why the alignment asked for was not made
+    """Check a registered scan against its limits. seen : share of the design's area that the scan shows, by
+    the design's vertices;
+    alignment_problem : why the alignment asked for was not made; pose_error : how well it is known
 
     A part passes only when the verdict is `ok`, there is at least one check, and all pass. It fails only when
     the pose is sure (`pose_is_sure`): under one that may be wrong, deviations say nothing about the part.
@@ -43,8 +51,15 @@ def inspect(
     """
     surface = MeasuredSurface.of(registration, deviations, design)
     diameter_mm = None if acceptance is None else acceptance.patch_mm
-    found = patches(surface, diameter_mm or default_diameter_mm(surface, design.diagonal_mm))
-    part = Part(surface, found, design.surface, seen, verdict)
+    diameter_mm = diameter_mm or default_diameter_mm(surface, design.diagonal_mm)
+    inflation = noise_of(surface.foot_mm, surface.normal, surface.signed_mm, diameter_mm).inflation()
+    found = patches(surface, diameter_mm, inflation)
+    if pose_error is not None:
+        of_pose_mm = pose_error.at(surface.place_mm, surface.place_normal)
+        found = replace(found, error_mm=np.hypot(found.error_mm, of_pose_mm))
+    if len(surface.place_mm) > len(design.analysis.mesh.vertices) and registration.scan_surface is not None:
+        seen = surface.seen()  # a CAD file has vertices at its corners only, which say little of its faces
+    part = Part(surface, found, design.surface, seen, verdict, inflation, pose_error)
     checks = [] if acceptance is None else checks_of(part, acceptance)
     decision, reasons = decide(verdict, checks, acceptance, alignment_problem)
     return Inspection(

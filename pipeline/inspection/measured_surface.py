@@ -40,6 +40,11 @@ class MeasuredSurface:
     brep: BrepFaces | None
     vertex_area_mm2: float
 
+    def seen(self) -> float:
+        """Share of the design's area that the scan shows, by the places: where it does not end."""
+        shown = self.place_area_mm2[np.isfinite(self.signed_at_place_mm)]
+        return min(1.0, float(shown.sum() / max(float(self.place_area_mm2.sum()), 1e-300)))
+
     @classmethod
     def of(cls, registration: Registration, deviations: Deviations, design: DesignModel) -> "MeasuredSurface":
         """Under the final pose."""

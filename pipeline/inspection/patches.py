@@ -5,6 +5,7 @@ single noisy vertex does not.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.spatial import cKDTree
 
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
@@ -20,6 +21,10 @@ DEFAULT_SHARE = 0.02
 #: Scan vertices in all patches together, about, at most; of a denser scan every k-th is taken. Limits time
 #: and memory; of a scan of a million triangles some 250 a patch are left.
 MAX_MEMBERS = 1_000_000
+#: Degrees of freedom of the scatter of n values over n - 1: what clipping costs. Chosen by hand.
+FREEDOM_SHARE = 0.9
+#: Deviations from the median beyond so many standard deviations count as so many. Chosen by hand.
+CLIPPED_SIGMAS = 3.0
 #: Standard deviations in a median absolute deviation (of the normal distribution).
 SIGMA_PER_MAD = 1.4826
 #: Standard error of a median of n values over sigma / sqrt(n), for the normal distribution (derived).
@@ -55,8 +60,8 @@ def default_diameter_mm(surface: MeasuredSurface, design_diagonal_mm: float) -> 
     return max(DEFAULT_SHARE * design_diagonal_mm, holds_mm)
 
 
-def patches(surface: MeasuredSurface, diameter_mm: float) -> Patches:
-    """The median deviation about each place of the design.
+def patches(surface: MeasuredSurface, diameter_mm: float, inflation: float = 1.0) -> Patches:
+    """The median deviation about each place of the design. inflation : as in `median_of`
 
     A patch holds the scan vertices whose closest place on the design is within half of `diameter_mm`, on the
     same side of a thin wall. Where it holds too few, but the scan's surface is near (a piece that broke off),
@@ -68,7 +73,7 @@ def patches(surface: MeasuredSurface, diameter_mm: float) -> Patches:
     place, near = _near(
         surface.place_mm, surface.place_normal, surface.foot_mm[vertex], surface.normal[vertex], diameter_mm
     )
-    value_mm, error_mm, n = _medians(place, surface.signed_mm[vertex[near]], count)
+    value_mm, error_mm, n = _medians(place, surface.signed_mm[vertex[near]], count, inflation)
     few = n < MIN_VERTICES
     seen = np.flatnonzero(np.isfinite(surface.signed_at_place_mm))
     place, near = _near(
@@ -83,9 +88,11 @@ def patches(surface: MeasuredSurface, diameter_mm: float) -> Patches:
     return Patches(diameter_mm, value_mm, np.where(few, np.nan, error_mm), n)
 
 
-def median_of(signed_mm: FloatArray) -> Value:
-    """signed_mm : (n,), n > 0"""
-    value_mm, error_mm, n = _medians(np.zeros(len(signed_mm), dtype=np.int64), signed_mm, 1)
+def median_of(signed_mm: FloatArray, inflation: float = 1.0) -> Value:
+    """signed_mm : (n,), n > 0; inflation : variance of a mean of neighbours over that of independent values,
+    `correlated_noise.Noise.inflation`
+    """
+    value_mm, error_mm, n = _medians(np.zeros(len(signed_mm), dtype=np.int64), signed_mm, 1, inflation)
     return Value(float(value_mm[0]), float(error_mm[0]) if len(signed_mm) > 1 else None, int(n[0]))
 
 
@@ -109,15 +116,24 @@ def _near(
     return place[same_side], near[same_side]
 
 
-def _medians(group: IndexArray, values: FloatArray, count: int) -> tuple[FloatArray, FloatArray, IndexArray]:
+def _medians(
+    group: IndexArray, values: FloatArray, count: int, inflation: float = 1.0
+) -> tuple[FloatArray, FloatArray, IndexArray]:
     """(count,) median of each group, its standard error, and its number of values; nan without any.
 
-    group : (k,) in [0, count); values : (k,)
+    group : (k,) in [0, count); values : (k,). The scatter is the standard deviation about the median, of
+    deviations clipped at `CLIPPED_SIGMAS`. Of few values it is not well known: 1.96 standard errors are the
+    95 % interval of the t distribution.
     """
     n = np.bincount(group, minlength=count)
     median = _median_by(group, values, n)
-    scatter = SIGMA_PER_MAD * _median_by(group, np.abs(values - median[group]), n)
-    error = np.divide(MEDIAN_ERROR * scatter, np.sqrt(n), out=np.full(count, np.nan), where=n > 1)
+    away = np.abs(values - median[group])
+    clipped = np.minimum(away, CLIPPED_SIGMAS * SIGMA_PER_MAD * _median_by(group, away, n)[group])
+    several = np.maximum(n - 1, 1)
+    scatter = np.sqrt(np.bincount(group, weights=clipped**2, minlength=count) / several)
+    sizes, of_size = np.unique(several, return_inverse=True)
+    few = np.asarray(stats.t.ppf(0.975, FREEDOM_SHARE * sizes) / stats.norm.ppf(0.975))[of_size]
+    error = np.where(n > 1, few * MEDIAN_ERROR * scatter * np.sqrt(inflation / np.maximum(n, 1)), np.nan)
     return median, error, n.astype(np.int64)
 
 

@@ -9,6 +9,7 @@ from pipeline.core.errors import PointOffSurface
 from pipeline.core.mesh import FloatArray, Mesh
 from pipeline.inspection.measured_surface import MeasuredSurface
 from pipeline.inspection.patches import Value, median_of
+from pipeline.inspection.pose_error import PoseError
 from pipeline.kernels.surface import Surface
 
 #: Scan vertices at a point, at least, for a value. Chosen by hand: with fewer there is no scatter.
@@ -29,9 +30,11 @@ class MeasuredPoint:
     value: Value | None
 
 
-def measured_point(point: PointLimits, surface: MeasuredSurface, design: Surface) -> MeasuredPoint:
+def measured_point(
+    point: PointLimits, surface: MeasuredSurface, design: Surface, inflation: float = 1.0
+) -> MeasuredPoint:
     """The median deviation of the scan vertices whose closest place of the design lies within the radius of
-    the point, on surface that faces as it does there.
+    the point, on surface that faces as it does there. inflation : as in `patches.median_of`
 
     Raises
     ------
@@ -56,14 +59,15 @@ def measured_point(point: PointLimits, surface: MeasuredSurface, design: Surface
     near = np.linalg.norm(surface.foot_mm - place, axis=1) <= point.radius_mm
     near &= surface.normal @ normal >= MIN_COSINE
     members = surface.signed_mm[near]
-    return MeasuredPoint(place, normal, median_of(members) if len(members) >= MIN_VERTICES else None)
+    value = median_of(members, inflation) if len(members) >= MIN_VERTICES else None
+    return MeasuredPoint(place, normal, value)
 
 
 def off_nominal(
-    distance: DistanceLimits, measured: dict[str, MeasuredPoint]
+    distance: DistanceLimits, measured: dict[str, MeasuredPoint], pose_error: PoseError | None = None
 ) -> tuple[float, float | None, int] | None:
     """By how much two measured points are farther apart than on the design, mm, its standard error, and the
-    number of scan vertices; None where one of them was not measured.
+    number of scan vertices; None where one of them was not measured. pose_error : of the alignment
     """
     first, second = measured[distance.first], measured[distance.second]
     if first.value is None or second.value is None:
@@ -76,9 +80,14 @@ def off_nominal(
     n = first.value.n + second.value.n
     if first.value.error_mm is None or second.value.error_mm is None:
         return value_mm, None, n
-    of_first = float(first.normal @ along) * first.value.error_mm
-    of_second = float(second.normal @ along) * second.value.error_mm
-    return value_mm, float(np.hypot(of_first, of_second)), n
+    levers = np.array([-float(first.normal @ along), float(second.normal @ along)])
+    of_points = levers * (first.value.error_mm, second.value.error_mm)
+    of_pose = 0.0
+    if pose_error is not None:  # one motion moves both ends
+        places = np.stack([first.position_mm, second.position_mm])
+        rows = pose_error.rows(places, np.stack([first.normal, second.normal]))
+        of_pose = float(pose_error.of_rows((levers[:, None] * rows).sum(axis=0, keepdims=True))[0])
+    return value_mm, float(np.sqrt((of_points**2).sum() + of_pose**2)), n
 
 
 def facing(design: Surface, direction: FloatArray) -> Surface | None:

@@ -18,6 +18,9 @@ from pipeline.core.errors import PointOffSurface, UnknownRegion
 from pipeline.core.mesh import BoolArray, FloatArray, IndexArray
 from pipeline.kernels.surface import Surface
 
+#: Names of faces that an error lists, at most.
+MAX_LISTED = 20
+
 
 def members(
     region: Region,
@@ -102,9 +105,12 @@ def _numbers(region: BrepFacesRegion, name: str, brep: BrepFaces) -> list[int]:
         elif each in by_name:
             numbers += by_name[each]
         else:
+            known = sorted(repr(each) for each in by_name if each)
+            listed = ", ".join(known[:MAX_LISTED]) or "none of them has a name"
             raise UnknownRegion(
                 f"region {name!r} names face {each!r}, but none of the {len(brep.faces)} faces of the design "
-                "has that name; they are listed in design.brep_faces.csv",
+                f"has that name ({listed}{', ...' if len(known) > MAX_LISTED else ''}); all are listed in "
+                "design.brep_faces.csv",
                 mesh="design",
             )
     return numbers

@@ -11,16 +11,22 @@ PATCHES = 100
 def patch_means(points: FloatArray, values: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Weight (p,) and weighted mean value (p,) of each patch; about `PATCHES` patches on a compact part.
 
-    points : (k, 3) mm on the surface; values : (k,); weights : (k,) >= 0.
-    The patch edge in mm follows from the two longest sides a, b of the axis-aligned box of the points:
-    edge^2 = 2 a b / PATCHES, as if the box had an upper and a lower side.
+    points : (k, 3) mm on the surface; values : (k,); weights : (k,) >= 0; patches as in `some_patches`
     """
-    extent = np.ptp(points, axis=0)
-    edge_mm = float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / PATCHES))
-    patch = patches(points, edge_mm)
+    patch = some_patches(points)
     share = np.bincount(patch, weights=weights).astype(np.float64)
     mean = np.bincount(patch, weights=weights * values) / np.maximum(share, 1e-300)
     return share, mean
+
+
+def some_patches(points: FloatArray, count: int = PATCHES) -> IndexArray:
+    """(k,) number of the patch of each of `points` (k, 3) mm, of about `count` on a compact part.
+
+    The patch edge in mm follows from the two longest sides a, b of the axis-aligned box of the points:
+    edge^2 = 2 a b / count, as if the box had an upper and a lower side.
+    """
+    extent = np.ptp(points, axis=0)
+    return patches(points, float(np.sqrt(max(np.sort(extent)[-2:].prod(), 1e-300) * 2.0 / count)))
 
 
 def patches(points: FloatArray, edge_mm: float) -> IndexArray:

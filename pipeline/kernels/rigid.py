@@ -94,3 +94,13 @@ def rms_displacement(T_a: FloatArray, T_b: FloatArray, points: FloatArray) -> fl
     """
     difference = transformed(T_a, points) - transformed(T_b, points)
     return float(np.sqrt((difference**2).sum(axis=-1).mean()))
+
+
+def share_of(motion: FloatArray, centre: FloatArray, share: float) -> FloatArray:
+    """(4, 4) a share of a small motion (4, 4) about a centre (3,), mm."""
+    if share == 1.0:
+        return motion
+    twist = rotation_vector(motion)
+    turn = from_vector(np.concatenate([share * twist, np.zeros(3)])[None])[0][:3, :3]
+    slide = transformed(motion, centre[None])[0] - centre
+    return rotation_about(turn, centre, centre + share * slide)

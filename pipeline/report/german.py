@@ -108,6 +108,7 @@ GERMAN: dict[str, str] = {
     "coverage of the design": "Abdeckung des Solls",
     "size of the scan": "Größe des Scans",
     "scale to set in the slicer (not applied)": "Skalierung im Slicer (nicht angewandt)",
+    "not determined": "nicht bestimmt",
     # checks and extremes
     "Checks": "Prüfungen",
     "check": "Prüfung",

@@ -20,6 +20,7 @@ from pipeline.core.results import (
     Note,
     RegistrationResult,
     Scale,
+    ScaleFactor,
     StudyResult,
     Verdict,
 )
@@ -189,22 +190,24 @@ def _key_figures(result: RegistrationResult, words: Words) -> list[tuple[str, st
 
 def _sizes(scale: Scale | None, words: Words) -> list[tuple[str, str, str]]:
     """The size of the scan over that of the design, and what a slicer asks for to make up for it."""
-    if scale is None or scale.isotropic is None:
+    if scale is None or all(each.scale is None for each in scale.factors):
         return []
 
-    def by_axis(text: list[str]) -> str:
-        return " ".join(f"{axis} {each}" for axis, each in zip("xyz", text, strict=True))
+    def change(each: ScaleFactor) -> str:
+        if each.scale is None or each.standard_error is None:
+            return words("not determined")
+        return f"{words.signed(100 * (each.scale - 1), 2)} ± {words.fixed(196 * each.standard_error, 2)} %"
 
-    axes = scale.per_axis or []
-    changes = [f"{words.signed(100 * (each - 1), 2)} %" for each in (scale.isotropic, *axes)]
-    factors = [f"{words.fixed(100 / each, 2)} %" for each in (scale.isotropic, *axes)]
+    def factor(each: ScaleFactor) -> str:
+        return "-" if each.slicer_percent is None else f"{words.fixed(each.slicer_percent, 2)} %"
+
+    whole, *axes = scale.factors
     return [
-        (words("size of the scan"), changes[0], by_axis(changes[1:]) if axes else ""),
-        (
-            words("scale to set in the slicer (not applied)"),
-            factors[0],
-            by_axis(factors[1:]) if axes else "",
-        ),
+        (label, of(whole), ", ".join(f"{each.axis} {of(each)}" for each in axes))
+        for label, of in (
+            (words("size of the scan"), change),
+            (words("scale to set in the slicer (not applied)"), factor),
+        )
     ]
 
 

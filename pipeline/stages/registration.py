@@ -10,7 +10,6 @@ from pipeline.core.settings import RegistrationSettings
 from pipeline.core.stations import Stations
 from pipeline.kernels import icp, rigid
 from pipeline.kernels.observability import Observability, observe
-from pipeline.kernels.similarity import estimate_scale, residual_deformation_mm
 from pipeline.kernels.surface import Closest, Surface
 from pipeline.search.pose_search import search_pose
 from pipeline.search.scan_model import ScanModel, ScanPoints
@@ -21,7 +20,6 @@ from pipeline.search.types import Matching, Pose
 #: samples of its surface instead. Chosen by hand: the samples of the plain ICP are as many.
 MIN_OBSERVED_VERTICES = 500
 OBSERVED_TRUNCATION = 2.0  # inlier distances: a test motion may take inliers beyond one. Chosen by hand
-MAX_SCALE_LOG2 = 1.0  # a factor of 2: beyond it the noise decides, not the surface. Chosen by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +41,6 @@ class Fit:
     fitness: float
     overlap: float
     truncated_rms_mm: float
-
-
-@dataclass(frozen=True, slots=True)
-class ScaleDiagnosis:
-    """isotropic, per_axis (3,) along the design's axes : scan size over design size; warp_mm : RMS residual
-    deformation after the latter; None where the surface does not determine it
-    """
-
-    isotropic: float | None
-    per_axis: FloatArray | None
-    warp_mm: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,32 +161,6 @@ def assess_observability(
         return float(np.average(np.minimum(distance, truncation_mm) ** 2, weights=inlier_weights[some]))
 
     return observe(fit.moved, fit.closest.normal, residual, inlier_weights, max_sigma_mm, cost_mm2)
-
-
-def diagnose_scale(
-    scan: Mesh, design: Surface, T_design_scan: FloatArray, inlier_mm: float, sample_points: int, seed: int
-) -> ScaleDiagnosis:
-    """Scale and deformation of the registered scan relative to its design; `sample_points` of it are used."""
-    points = ScanPoints.of(scan, sample_points, seed)
-    arguments = (points.points, points.weights, design, T_design_scan, inlier_mm)
-    isotropic, per_axis = (
-        estimate if estimate is not None and _is_plausible(estimate.factors) else None
-        for estimate in (
-            estimate_scale(*arguments, per_axis=False),
-            estimate_scale(*arguments, per_axis=True),
-        )
-    )
-    finest = per_axis or isotropic
-    return ScaleDiagnosis(
-        None if isotropic is None else float(isotropic.factors[0]),
-        None if per_axis is None else per_axis.factors,
-        None if finest is None else residual_deformation_mm(finest, points.weights),
-    )
-
-
-def _is_plausible(factors: FloatArray) -> bool:
-    log2 = np.abs(np.log2(np.maximum(factors, 1e-300)))
-    return bool(np.isfinite(factors).all() and (log2 < MAX_SCALE_LOG2).all())
 
 
 def _icp_of_complete_shape(points: ScanPoints, design: Surface, settings: RegistrationSettings) -> FloatArray:

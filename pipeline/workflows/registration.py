@@ -26,7 +26,8 @@ from pipeline.inspection.alignment import Aligned, align
 from pipeline.inspection.inspect import inspect, without_pose
 from pipeline.report.artifacts import Artifacts, write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
-from pipeline.stages.registration import Registration, ScaleDiagnosis, diagnose_scale
+from pipeline.stages.registration import Registration
+from pipeline.stages.scale import ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
 from pipeline.stages.table import without_table
 from pipeline.verification.alternative_hypotheses import verify_hypotheses
@@ -108,7 +109,7 @@ def compute_registration(
         verdict = judge(Case.of(registered, checks, quality, design, job), settings.registration)
     has_pose = verdict.status in HAS_POSE
     with timer.stage(Stage.DEVIATION):
-        aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None)
+        aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None, None)
         deviations = _deviations(aligned.registration, design, job)
         of_design = _deviation_of_design(aligned.registration, design, job) if has_pose else None
         scale = _scale(registered, design, job) if has_pose else None
@@ -121,6 +122,7 @@ def compute_registration(
             inspection = inspect(
                 *(aligned.registration, deviations, seen, design, verdict, job.acceptance),
                 alignment_problem=aligned.problem,
+                pose_error=aligned.pose_error,
             )
         else:
             inspection = without_pose(verdict, job.acceptance)
@@ -152,12 +154,10 @@ def _deviation_of_design(
 
 
 def _scale(registered: RegisteredScan, design: DesignModel, job: JobParameters) -> ScaleDiagnosis:
-    registration = registered.registration
     return diagnose_scale(
         registered.scan.mesh,
+        registered.registration,
         design.surface,
-        registration.best.T_design_scan,
-        registration.inlier_distance_mm,
         job.settings.registration.sample_points,
         job.seed,
     )

@@ -8,7 +8,7 @@ from pipeline.analysis.scan_registration import RegisteredScan
 from pipeline.core.results import DesignDeviation, Inspection, Verdict
 from pipeline.inspection.alignment import Aligned
 from pipeline.stages.deviation import Deviations
-from pipeline.stages.registration import ScaleDiagnosis
+from pipeline.stages.scale import ScaleDiagnosis
 from pipeline.verification.hypothesis_checks import HypothesisChecks
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.verification.verdict import HAS_POSE

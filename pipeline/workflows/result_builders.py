@@ -18,6 +18,7 @@ from pipeline.core.results import (
     Observability,
     RegistrationResult,
     Scale,
+    ScaleFactor,
     ScanQuality,
     SegmentsPair,
     Transform,
@@ -26,7 +27,8 @@ from pipeline.kernels import rigid
 from pipeline.kernels.visibility import MAX_HIDDEN_OF_RIGHT
 from pipeline.search.types import Matching
 from pipeline.stages.load import Loaded
-from pipeline.stages.registration import Registration, ScaleDiagnosis
+from pipeline.stages.registration import Registration
+from pipeline.stages.scale import ScaleDiagnosis
 from pipeline.verification.scan_quality import ScannerQuality
 from pipeline.workflows.alternative_records import alternative_records, symmetry_record
 from pipeline.workflows.mesh_records import analysis_segments, landmark_records, landmark_warnings
@@ -180,7 +182,22 @@ def observability(registration: Registration) -> Observability:
 
 
 def scale(estimate: ScaleDiagnosis, unit_factor: float | None) -> Scale:
-    per_axis = None if estimate.per_axis is None else estimate.per_axis.tolist()
+    factors = [
+        ScaleFactor(
+            axis=each.axis,
+            scale=each.scale,
+            standard_error=each.standard_error,
+            slicer_percent=None if each.scale is None else 100 / each.scale,
+            reason=each.reason,
+        )
+        for each in estimate.factors
+    ]
+    whole, *axes = (each.scale for each in factors)
+    per_axis = [each for each in axes if each is not None]
     return Scale(
-        isotropic=estimate.isotropic, per_axis=per_axis, warp_mm=estimate.warp_mm, unit_factor=unit_factor
+        isotropic=whole,
+        per_axis=per_axis if len(per_axis) == len(axes) else None,
+        factors=factors,
+        warp_mm=estimate.warp_mm,
+        unit_factor=unit_factor,
     )

@@ -35,6 +35,7 @@ from service.jobs.store import JobStore
 from service.settings import MIB, ServiceSettings
 from service.storage.blobs import BlobStore
 from service.storage.database import open_database
+from service.storage.design_faces import DesignFaces
 from service.webhooks.address_guard import Guard
 from service.webhooks.outbox import Deliveries
 
@@ -50,10 +51,12 @@ def create_app(settings: ServiceSettings) -> FastAPI:
             jobs = JobStore(engine)
             keys = KeyStore(engine)
             watch = JobWatch(jobs, settings.tenant_watcher_limit, change_notices(settings.database))
+            blob_store = BlobStore(settings.blobs)
             app.state.api = Api(
                 settings,
                 jobs,
-                BlobStore(settings.blobs),
+                blob_store,
+                DesignFaces(blob_store.store),
                 keys,
                 Metrics(engine, settings.data_dir),
                 Deliveries(engine),

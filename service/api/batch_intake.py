@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from pipeline import Reference
 from service.api.dependencies import Api
 from service.api.intake import check_mesh, check_room, identity_of, with_design
+from service.api.known_faces import check_faces
 from service.api.webhook_options import check_webhook_url
 from service.auth.keys import Caller
 from service.contract.errors import IdempotencyMismatch, InvalidRequest, UnknownBlob
@@ -43,6 +44,7 @@ def accept_batch(api: Api, caller: Caller, body: bytes, key: str | None) -> Batc
     check_room(api, caller, key, count=len(request.scans))
     design = request.design.model_dump()
     options = with_design(api, caller, options, design)
+    check_faces(api, caller.tenant, options, design)
     batch = BatchRow(
         id=new_id(),
         tenant=caller.tenant,

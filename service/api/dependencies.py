@@ -15,6 +15,7 @@ from service.jobs.models import JobRow
 from service.jobs.store import JobStore
 from service.settings import ServiceSettings
 from service.storage.blobs import BlobStore
+from service.storage.design_faces import DesignFaces
 from service.webhooks.address_guard import Guard
 from service.webhooks.outbox import Deliveries
 
@@ -26,6 +27,7 @@ class Api:
     settings: ServiceSettings
     jobs: JobStore
     blobs: BlobStore
+    design_faces: DesignFaces
     keys: KeyStore
     metrics: Metrics
     deliveries: Deliveries

@@ -19,6 +19,7 @@ from starlette.datastructures import FormData, UploadFile
 
 from pipeline import Characteristics, Reference, detect_format
 from service.api.dependencies import Api
+from service.api.known_faces import check_faces
 from service.api.storage_room import check_disk, check_quota
 from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
@@ -195,6 +196,7 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
     options = submission.options
     if submission.job_type == "registration" and not (key and api.jobs.knows_key(caller.tenant, key)):
         options = with_design(api, caller, options, submission.inputs["design"])
+        check_faces(api, caller.tenant, options, submission.inputs["design"])
     row = JobRow(
         id=new_id(),
         tenant=caller.tenant,

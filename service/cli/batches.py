@@ -1,15 +1,13 @@
 """`cusp batch`: many scans of one design at once, on a service."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from service.cli.connection import connected
 from service.cli.jobs import (
     FAIL,
-    PATIENCE_S,
     Acceptance,
     AlignmentFile,
     ReferencePairs,
@@ -17,9 +15,8 @@ from service.cli.jobs import (
     Server,
     Tolerance,
 )
-from service.cli.options import MeshPath, Preset, SettingsFile, options_of, progress_bar, refuse
-from service.client.requests import DEFAULT_SERVER, ServiceProblem, ServiceUnreachable
-from service.client.sync import Client
+from service.cli.options import MeshPath, Preset, SettingsFile, options_of, progress_bar
+from service.client.requests import DEFAULT_SERVER
 from service.contract.schemas import Batch
 
 app = typer.Typer(help="Many scans of one design at once.", no_args_is_help=True)
@@ -61,7 +58,7 @@ def submit(
         alignment=alignment,
         reference=reference,
     )
-    with _client(server) as client:
+    with connected(server) as client:
         sent: list[dict[str, Any]] = []
         with progress_bar() as bar:
             for scan in bar.track(scans, description="sending"):
@@ -88,7 +85,7 @@ def status(batch_id: BatchId, server: Server = DEFAULT_SERVER) -> None:
 
     `cusp batch status 01a2019a-6685-7220-8c73-80d9802cf568`
     """
-    with _client(server) as client:
+    with connected(server) as client:
         typer.echo(client.batch(batch_id).model_dump_json(indent=1))
 
 
@@ -98,7 +95,7 @@ def table(batch_id: BatchId, server: Server = DEFAULT_SERVER) -> None:
 
     `cusp batch table 01a2019a-6685-7220-8c73-80d9802cf568 > batch.csv`
     """
-    with _client(server) as client:
+    with connected(server) as client:
         typer.echo(client.batch_table(batch_id), nl=False)
 
 
@@ -108,7 +105,7 @@ def cancel(batch_id: BatchId, server: Server = DEFAULT_SERVER) -> None:
 
     `cusp batch cancel 01a2019a-6685-7220-8c73-80d9802cf568`
     """
-    with _client(server) as client:
+    with connected(server) as client:
         typer.echo(client.cancel_batch(batch_id).model_dump_json(indent=1))
 
 
@@ -118,7 +115,7 @@ def retry(batch_id: BatchId, server: Server = DEFAULT_SERVER) -> None:
 
     `cusp batch retry 01a2019a-6685-7220-8c73-80d9802cf568`
     """
-    with _client(server) as client:
+    with connected(server) as client:
         typer.echo(client.retry_batch(batch_id).model_dump_json(indent=1))
 
 
@@ -131,7 +128,7 @@ def list_batches(
 
     `cusp batch list --label night`
     """
-    with _client(server) as client:
+    with connected(server) as client:
         for each in client.batches(label):
             typer.echo(
                 f"{each.id}  {each.status:8}  {_ended(each)}/{each.total}  {each.label or ''}".rstrip()
@@ -140,14 +137,3 @@ def list_batches(
 
 def _ended(batch: Batch) -> int:
     return sum(count for status, count in batch.by_status.items() if status.is_final)
-
-
-@contextmanager
-def _client(server: str) -> Iterator[Client]:
-    try:
-        with Client(server, patience_s=PATIENCE_S) as client:
-            yield client
-    except ServiceProblem as error:
-        refuse(error.problem.detail)
-    except ServiceUnreachable as error:
-        refuse(str(error))

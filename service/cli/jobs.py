@@ -23,6 +23,7 @@ from service.cli.options import (
 )
 from service.client import DEFAULT_SERVER, Client, ServiceProblem, ServiceUnreachable
 from service.client.results_table import print_results
+from service.contract.design_options import check_limits
 from service.contract.errors import ServiceError
 from service.contract.job_types import MESHES, parse_type
 from service.contract.options import parse_options, resolve_settings
@@ -115,6 +116,7 @@ def register(
     )
     try:
         options = parse_options(options_document)
+        check_limits(options)
         with progress_bar() as bar:
             task = bar.add_task("starting", total=100.0)
             result = register_meshes(

@@ -9,6 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from service.cli import batches as cli_batches
+from service.cli import characteristics as cli_characteristics
 from service.cli import config as cli_config
 from service.cli import jobs as cli_jobs
 from service.cli import keys as cli_keys
@@ -30,6 +31,7 @@ app.command("study")(cli_meshes.study)
 app.command("submit")(cli_jobs.submit)
 app.command("demo")(cli_jobs.demo)
 app.add_typer(cli_batches.app, name="batch")
+app.add_typer(cli_characteristics.app, name="characteristics")
 app.add_typer(cli_keys.app, name="keys")
 app.add_typer(cli_config.app, name="config")
 app.add_typer(cli_webhooks.app, name="webhooks")

@@ -119,12 +119,23 @@ class AsyncClient:
         return await self._do(calls.retry_batch(batch_id))
 
     async def put_characteristics(
-        self, design: Blob | str, document: Mapping[str, Any], *, if_match: str | None = None
-    ) -> None:
-        """Keep named regions, limits and an alignment with a design, for all later jobs on it. if_match : the
-        ETag that they must still have
+        self,
+        design: Blob | str,
+        document: Mapping[str, Any],
+        *,
+        if_match: str | None = None,
+        only_new: bool = False,
+    ) -> str:
+        """Keep named regions, limits and an alignment with a design, for all later jobs on it. Returns their
+        version (ETag). if_match : the version that they must still have; only_new : nothing may be kept yet
         """
-        await self._do(calls.put_characteristics(_id_of(design), document, if_match))
+        return await self._do(
+            calls.put_characteristics(_id_of(design), document, if_match, only_new=only_new)
+        )
+
+    async def characteristics_version(self, design: Blob | str) -> str:
+        """The version (ETag) of what is kept with a design. Raises ServiceProblem `no_characteristics`."""
+        return await self._do(calls.characteristics_version(_id_of(design)))
 
     async def characteristics(self, design: Blob | str) -> dict[str, Any]:
         """What is kept with a design. Raises ServiceProblem `no_characteristics`."""

@@ -155,9 +155,17 @@ def job(job_id: str, wait_s: int = 0) -> Call[Job]:
     return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
 
 
-def put_characteristics(design: str, document: Mapping[str, Any], if_match: str | None) -> Call[None]:
+def put_characteristics(
+    design: str, document: Mapping[str, Any], if_match: str | None, *, only_new: bool = False
+) -> Call[str]:
     headers = {} if if_match is None else {"If-Match": if_match}
-    return Call("PUT", _kept(design), lambda _: None, headers=headers, document=dict(document))
+    if only_new:
+        headers["If-None-Match"] = "*"
+    return Call("PUT", _kept(design), _etag, headers=headers, document=dict(document))
+
+
+def characteristics_version(design: str) -> Call[str]:
+    return Call("GET", _kept(design), _etag)
 
 
 def characteristics(design: str) -> Call[dict[str, Any]]:
@@ -315,6 +323,10 @@ def _job(answer: httpx.Response) -> Job:
 
 def _blob(answer: httpx.Response) -> Blob:
     return Blob.model_validate_json(answer.content)
+
+
+def _etag(answer: httpx.Response) -> str:
+    return str(answer.headers.get("ETag", ""))
 
 
 def _document(answer: httpx.Response) -> dict[str, Any]:

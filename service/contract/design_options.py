@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline import Characteristics, with_named_regions
+from pipeline import Acceptance, Characteristics, ToleranceFit, limits_are_given, with_named_regions
 from service.contract.errors import InvalidOptions
 from service.contract.options import problem_item, problem_items, summarize
 from service.contract.schemas import Options
@@ -26,15 +26,17 @@ def completed(options: Options, kept: Characteristics | None) -> Options:
     Raises
     ------
     InvalidOptions
-        For a region that the design does not name, and where both together make no sense.
+        For a region that the design does not name, limits that are nowhere, and where both together make no
+        sense.
     """
     if kept is None and options.acceptance is None and options.alignment is None:
         return options
-    changed = {}
+    changed: dict[str, Any] = {}
     for name in TAKEN:
         own, of_design = getattr(options, name), kept and getattr(kept, name)
         if own is None and of_design is not None:
             changed[name] = of_design
+    changed |= _limits_of(options, kept)
     merged = options.model_copy(update=changed)
     regions = {} if kept is None else kept.by_name
     for name in ("acceptance", "alignment"):
@@ -44,8 +46,9 @@ def completed(options: Options, kept: Characteristics | None) -> Options:
         try:
             changed[name] = with_named_regions(value, regions)
         except ValueError as error:
-            raise _invalid(f"/options/{name}", str(error)) from error
+            raise invalid_option(f"/options/{name}", str(error)) from error
     merged = merged.model_copy(update=changed)
+    check_limits(merged)
     try:
         return Options.model_validate(merged.model_dump(mode="json"))
     except ValidationError as error:
@@ -53,6 +56,39 @@ def completed(options: Options, kept: Characteristics | None) -> Options:
         raise InvalidOptions(summarize(items), errors=items) from error
 
 
-def _invalid(pointer: str, detail: str) -> InvalidOptions:
+def check_limits(options: Options) -> None:
+    """Raise InvalidOptions where a share of the area, or a fit to limits, has no limits to go by."""
+    if options.acceptance is not None:
+        try:
+            options.acceptance.with_tolerance(options.tolerance_mm)
+        except ValueError as error:
+            raise invalid_option("/options/acceptance", str(error)) from error
+    if not limits_are_given(options.alignment, options.acceptance, options.tolerance_mm):
+        raise invalid_option(
+            "/options/alignment", "a tolerance_fit needs limits: its own, acceptance or tolerance_mm"
+        )
+
+
+def _limits_of(options: Options, kept: Characteristics | None) -> dict[str, Acceptance | ToleranceFit]:
+    """What the job states without limits, though it needs some, with those of the acceptance of the design: a
+    share of the area, and a fit to limits.
+    """
+    own, of_design = options.acceptance, kept and kept.acceptance
+    alignment = options.alignment or (kept and kept.alignment)
+    if own is None or own.are_given or options.tolerance_mm is not None or not of_design:
+        return {}
+    if not of_design.are_given:
+        return {}
+    limits = {name: getattr(of_design, name) for name in ("tolerance_mm", "lower_mm", "upper_mm")}
+    found: dict[str, Acceptance | ToleranceFit] = {}
+    if own.min_within is not None:
+        found["acceptance"] = own.model_copy(update=limits)
+    elif isinstance(alignment, ToleranceFit) and not limits_are_given(alignment, own, None):
+        found["alignment"] = alignment.model_copy(update=limits)
+    return found
+
+
+def invalid_option(pointer: str, detail: str) -> InvalidOptions:
+    """The problem of one value. pointer : JSON Pointer to it in the request"""
     item = problem_item(pointer, detail)
     return InvalidOptions(summarize([item]), errors=[item])

@@ -1,10 +1,10 @@
 """Options of a job, as clients send them."""
 
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
-from pydantic import Field, JsonValue, field_serializer, field_validator, model_validator
+from pydantic import Field, JsonValue, field_serializer, field_validator
 
-from pipeline import Acceptance, Alignment, PointColumns, Reference, StudySettings, Unit, limits_are_given
+from pipeline import Acceptance, Alignment, PointColumns, Reference, StudySettings, Unit
 from service.contract.model_base import NO_NUL, Request
 
 
@@ -98,17 +98,6 @@ class Options(Request):
         if columns is not None:
             PointColumns.of(columns)
         return columns
-
-    @model_validator(mode="after")
-    def _limits_are_there(self) -> Self:
-        if self.acceptance is not None:
-            try:
-                self.acceptance.with_tolerance(self.tolerance_mm)
-            except ValueError as error:
-                raise ValueError(f"acceptance: {error}") from error
-        if not limits_are_given(self.alignment, self.acceptance, self.tolerance_mm):
-            raise ValueError("alignment: a tolerance_fit needs limits: its own, acceptance or tolerance_mm")
-        return self
 
     @field_serializer("study")
     def _study_as_sent(self, study: StudySettings | None) -> dict[str, Any] | None:

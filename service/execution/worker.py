@@ -36,6 +36,7 @@ from service.jobs.store import JobStore
 from service.storage import design_cache
 from service.storage.blobs import BlobStore, Upload
 from service.storage.design_cache import DesignCache
+from service.storage.design_faces import DesignFaces
 from service.storage.retry import DATABASE_UNAVAILABLE, retry_transient, unavailable_dependency
 from service.webhooks.mesh_fetch import MeshFetcher, without_query
 
@@ -91,6 +92,7 @@ class Worker:
         self._id, self._jobs, self._blobs, self._designs = worker_id, jobs, blobs, designs
         self._sandbox, self._scratch, self._metrics = sandbox, scratch, metrics
         self._fetcher, self._letterhead = fetcher, letterhead
+        self._faces = DesignFaces(blobs.store)
         self._stopping = threading.Event()
         self._busy = 0
         self._idle = threading.Condition()
@@ -206,7 +208,7 @@ class Worker:
         clock.end()
         self._count(row, task, outcome, clock)
         if outcome.kind == "done":
-            self._keep_design(task)
+            self._keep_design(row, task)
         return outcome
 
     def _task(self, row: JobRow, folder: Path, heart: Heartbeat) -> dict[str, Any]:
@@ -339,12 +341,15 @@ class Worker:
         except Exception:
             log.exception("counters not written")
 
-    def _keep_design(self, task: dict[str, Any]) -> None:
-        """Store the design model that the job computed. A cache that is full or unavailable fails no job."""
+    def _keep_design(self, row: JobRow, task: dict[str, Any]) -> None:
+        """Store the design model that the job computed, and the names of its faces. A cache that is full or
+        unavailable fails no job.
+        """
         if "design_cache" not in task or task["design_known"]:
             return
         path = Path(task["design_cache"])
         try:
+            self._faces.keep(row.tenant, row.inputs["design"], task["design"]["part"], Path(task["out"]))
             if path.is_file() and not path.is_symlink():
                 self._designs.keep(path.stem, path)
         except Exception:

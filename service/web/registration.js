@@ -124,13 +124,15 @@ const hundredths = (value) => (Math.abs(value) < 0.005 ? '0.00' : `${value > 0 ?
 
 /** The size of the scan over that of the design, and what a slicer asks for to make up for it. */
 function sizes(scale) {
-  if (!scale?.isotropic) return [];
-  const change = (factor) => `${hundredths(100 * (factor - 1))} %`;
-  const factor = (value) => `${(100 / value).toFixed(2)} %`;
-  const axes = (words) => (scale.per_axis ? [element('small', scale.per_axis.map((value, k) => `${'xyz'[k]} ${words(value)}`).join(', '))] : []);
+  const [whole, ...axes] = scale?.factors ?? []; // results of earlier versions have none
+  if (![whole, ...axes].some((each) => each?.scale)) return [];
+  const change = (each) => (each.scale === null ? 'not determined' : `${hundredths(100 * (each.scale - 1))} ± ${(196 * each.standard_error).toFixed(2)} %`);
+  const factor = (each) => (each.scale === null ? '-' : `${each.slicer_percent.toFixed(2)} %`);
+  const shown = (words) => [words(whole), element('small', axes.map((each) => `${each.axis} ${words(each)}`).join(', '))];
+  const why = [whole, ...axes].filter((each) => each.reason).map((each) => `; ${each.axis}: ${each.reason}`).join('');
   return [
-    ['size of the scan', [change(scale.isotropic), ...axes(change)], 'compared with the design, along the axes of the design; a diagnosis: the scan is never scaled'],
-    ['scale to set in the slicer (not applied here)', [factor(scale.isotropic), ...axes(factor)], 'prints the part in its nominal size, if the printer repeats itself'],
+    ['size of the scan', shown(change), `compared with the design, along the axes of the design, with its 95 % interval; a diagnosis: the scan is never scaled${why}`],
+    ['scale to set in the slicer (not applied here)', shown(factor), 'prints the part in its nominal size, if the printer repeats itself'],
   ];
 }
 

@@ -58,9 +58,14 @@ function remember({ type, deviation, scan, inspection, provenance }) {
   const within = inspection?.checks.find(({ kind, region }) => kind === 'within' && region === null)?.lower;
   elements.tolerance_mm.value = deviation?.tolerance_mm ?? '';
   elements.scan_accuracy_mm.value = scan?.accuracy_mm ?? '';
-  elements.min_within.value = within ? Number((100 * within).toPrecision(6)) : '';
+  elements.min_within.value = within ? percents(within) : '';
+  for (const [name, kind] of Object.entries({ min_coverage: 'coverage', min_confidence: 'confidence' })) {
+    const least = inspection?.checks.find((each) => each.kind === kind)?.lower;
+    elements[name].value = least ? percents(least) : '';
+  }
 }
 
+const percents = (share) => Number((100 * share).toPrecision(6));
 const isFiles = (event) => event.dataTransfer?.types.includes('Files') ?? false;
 
 /** name : of the slot, none beside them: then the one file goes to the one slot that is empty */
@@ -94,7 +99,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'reading']) $(field).hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'acceptance', 'reading']) $(field).hidden = !wanted.includes('scan');
   $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
 }
 
@@ -127,17 +132,31 @@ async function submit(event) {
 
 function options(form, type) {
   const units = Object.fromEntries(MESHES[type].map((name) => [name, slots[name].unit.value]).filter(([, unit]) => unit !== 'auto'));
-  const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, min_within: within, serial, label, preset } = form.elements;
+  const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, serial, label, preset } = form.elements;
   return {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
     ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
-    ...(type === 'registration' && within.value ? { acceptance: { min_within: Number(within.value) / 100 } } : {}),
+    ...(type === 'registration' ? acceptance(form.elements) : {}),
     ...(type === 'registration' && serial.value ? { reference: { serial: serial.value } } : {}),
     ...(type === 'registration' ? reading.options() : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
   };
+}
+
+/** What the part must satisfy: the JSON, and each field over its key. */
+function acceptance(elements) {
+  let stated = {};
+  try {
+    if (elements.acceptance.value.trim()) stated = JSON.parse(elements.acceptance.value);
+  } catch (error) {
+    throw new Error(`Regions, points and distances: not JSON (${error.message}).`);
+  }
+  if (typeof stated !== 'object' || stated === null || Array.isArray(stated)) throw new Error('Regions, points and distances: give a JSON object, as {"points": [...]}.');
+  for (const name of ['lower_mm', 'upper_mm', 'max_deviation_mm']) if (elements[name].value) stated[name] = Number(elements[name].value);
+  for (const name of ['min_within', 'min_coverage', 'min_confidence']) if (elements[name].value) stated[name] = Number(elements[name].value) / 100;
+  return Object.keys(stated).length ? { acceptance: stated } : {};
 }
 
 /** One form where all meshes are files; else what is new goes first, and the job names blobs. */

@@ -137,6 +137,50 @@ def test_a_bad_file_is_refused_with_its_reason(watched: Watched, design: Path, t
     watched.complaints.clear()
 
 
+SPY_ON_OPTIONS = """() => {
+  const append = FormData.prototype.append;
+  FormData.prototype.append = function (name, value) {
+    if (name === 'options') window.sentOptions = value;
+    return append.apply(this, arguments);
+  };
+}"""
+
+
+def test_limits_go_with_the_job_and_wrong_ones_are_refused(
+    watched: Watched, running: RunningService, design: Path
+) -> None:
+    page = watched.page
+    for mesh in ("design", "scan"):
+        page.set_input_files(f"input[name={mesh}]", design)
+    page.click("#acceptance summary")
+    page.fill("#acceptance-json", '{"points": ')
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("not JSON")
+    page.fill("#acceptance-json", '{"points": [{"name": "P1", "position_mm": [0, 0, 0], "radius_mm": 2}]}')
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("point 'P1' has no limits")
+    page.fill("#acceptance-json", '{"uncertainty_mm": 0.01}')
+    for name, value in {"lower_mm": 0.3, "upper_mm": 0.2, "max_deviation_mm": 5, "min_coverage": 80}.items():
+        page.fill(f"input[name={name}]", str(value))
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("lower_mm (0.3) must be below upper_mm (0.2)")
+    page.fill("input[name=lower_mm]", "-0.2")
+    page.fill("input[name=min_confidence]", "55")
+    page.evaluate(SPY_ON_OPTIONS)
+    page.click("#go")
+    expect(page.locator("#job")).to_be_visible()
+    assert json.loads(page.evaluate("sentOptions"))["acceptance"] == {
+        "uncertainty_mm": 0.01,
+        "lower_mm": -0.2,
+        "upper_mm": 0.2,
+        "max_deviation_mm": 5,
+        "min_coverage": 0.8,
+        "min_confidence": 0.55,
+    }
+    running.client.cancel(page.url.rpartition("#")[2])
+    watched.complaints.clear()  # the browser's own lines of the refusals
+
+
 def test_a_job_that_fails_says_why(watched: Watched, design: Path, tmp_path: Path) -> None:
     page = watched.page
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")

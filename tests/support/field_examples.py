@@ -249,6 +249,7 @@ OTHERS: dict[str, list[Any]] = {
     ],
     "Input": [{"part": "bracket", "columns": "id,x,y,z"}],
     "Scale": [{"unit_factor": 25.4}],
+    "ScaleFactor": [{"reason": "the scan shows no surfaces whose distance would tell the size along z"}],
     "Finding": [
         {"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}
     ],

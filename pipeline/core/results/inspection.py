@@ -26,8 +26,8 @@ class Check(Record):
     upper: float | None = Field(description="limit; null: none")
     unit: Literal["mm", "1"] = Field(description="of value and limits; `1`: a share")
     uncertainty: float | None = Field(
-        description="standard error of the value from the scatter of the scan, in the same unit; null where "
-        "it is not known"
+        description="standard error of the value, in the same unit: scatter of the scan and error of the "
+        "alignment; 1.96 of it to both sides are its 95 % interval; null where it is not known"
     )
     n: int | None = Field(
         description="vertices of the scan that the value is of; null where none are counted"

@@ -148,6 +148,26 @@ class Observability(Record):
     )
 
 
+class ScaleFactor(Record):
+    """Size of the scan over that of the design along an axis, and what would make up for it."""
+
+    axis: Literal["all", "x", "y", "z"] = Field(
+        description="axis of the design; `all`: one factor for all three"
+    )
+    scale: float | None = Field(
+        description="size of the scan over that of the design: 0.996 is 0.4 % too small; null: see `reason`"
+    )
+    standard_error: float | None = Field(
+        description="of `scale`, with residuals correlated within patches of the surface: 1.96 of it to both "
+        "sides hold the size in 95 of 100 scans"
+    )
+    slicer_percent: float | None = Field(
+        description="scale to set in the slicer so that the next print has its nominal size: 100 / `scale`; "
+        "not applied to anything here"
+    )
+    reason: str | None = Field(description="why there is no number; null where there is one")
+
+
 class Scale(Record):
     """Diagnosis only: a scale is never applied.
 
@@ -159,7 +179,10 @@ class Scale(Record):
         description="size of the scan over that of the design: 0.996 is 0.4 % too small"
     )
     per_axis: list[float] | None = Field(
-        description="the same along x, y, z of the design; null: not determined"
+        description="the same along x, y, z of the design; null: one of them is not determined"
+    )
+    factors: list[ScaleFactor] = Field(
+        description="`all`, x, y, z: each with its standard error, or the reason why it is not determined"
     )
     warp_mm: float | None = Field(
         description="RMS over patches of the mean distance left after scaling by axis: residual deformation "

@@ -50,6 +50,22 @@ def test_a_printer_that_drifts(design: Path, tmp_path: Path, shrink: float, deci
     assert -1.1 * shrink * radius.max() - CHORD_MM < lowest.value < -0.6 * shrink * radius.min()
 
 
+def test_coverage_of_a_cad_file_is_of_its_faces_not_of_its_corners(tmp_path: Path) -> None:
+    """The design has 12 triangles, and the scan shows none of its 8 corners."""
+    size = np.array([40.0, 30.0, 20.0])
+    whole = shapes.box((40.0, 30.0, 20.0), 5)
+    from_middle = np.abs(whole.vertices[whole.faces].mean(axis=1) - size / 2) / size
+    seen = Mesh(whole.vertices, whole.faces[(from_middle < 0.44).any(axis=1)])
+    kept, numbers = np.unique(seen.faces, return_inverse=True)
+    scan = Mesh(whole.vertices[kept], numbers.reshape(-1, 3))
+    share = scan.face_areas_mm2().sum() / whole.face_areas_mm2().sum()
+    design = save(shapes.box((40.0, 30.0, 20.0)), tmp_path / "design.stl")
+    result = inspected(design, scan, tmp_path, Acceptance(tolerance_mm=1.0, min_coverage=0.9))
+    assert result.inspection is not None
+    coverage = next(check for check in result.inspection.checks if check.kind == "coverage")
+    assert coverage.value == pytest.approx(share, abs=0.03) and share < 0.99
+
+
 def test_a_burr_is_found_where_it_is(design: Path, tmp_path: Path) -> None:
     part = shapes.bumpy_blob(4, triangulation=1)
     top = int(part.vertices[:, 2].argmax())

@@ -1,10 +1,14 @@
 """Named regions, limits and alignment that a tenant keeps with a design."""
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from service.storage.design_faces import DesignFaces
 from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
+from tests.support.step_files import Step
 
 pytestmark = pytest.mark.storages
 
@@ -50,6 +54,21 @@ def test_jobs_take_what_is_kept_with_their_design_unless_they_state_their_own(
     assert_problem(wrong, 422, "invalid_options", "options.acceptance: no region is named 'sear'", "'seat'")
 
 
+def test_limits_that_a_job_leaves_out_are_those_of_the_design(service: Service, address: str) -> None:
+    share, fit = '{"acceptance": {"min_within": 0.9}}', '{"alignment": {"kind": "tolerance_fit"}}'
+    both = '{"acceptance": {"min_coverage": 0.9}, "alignment": {"kind": "tolerance_fit"}}'
+    for document, words in ((share, "min_within needs"), (fit, "needs limits"), (both, "needs limits")):
+        assert_problem(service.submit(document), 422, "invalid_options", words)
+    assert options_of_new_job(service, share[:-1] + ', "tolerance_mm": 0.4}')["tolerance_mm"] == 0.4
+    assert service.http.put(address, json={"tolerance_mm": 0.3}).status_code == 201
+    assert options_of_new_job(service, both)["tolerance_mm"] == 0.3
+    limits = {"lower_mm": -0.1, "upper_mm": 0.2}
+    assert service.http.put(address, json={"acceptance": limits, "tolerance_mm": 0.3}).status_code == 200
+    for document, part in ((share, "acceptance"), (fit, "acceptance"), (both, "alignment")):
+        taken = options_of_new_job(service, document)[part]
+        assert {name: taken[name] for name in limits} == limits
+
+
 def test_a_document_is_changed_only_as_it_is_known(service: Service, address: str) -> None:
     http = service.http
     assert_problem(http.get(address), 404, "no_characteristics")
@@ -84,6 +103,28 @@ def test_what_contradicts_is_refused(
     service: Service, address: str, document: dict[str, Any], words: str
 ) -> None:
     assert_problem(service.http.put(address, json=document), 422, "invalid_request", words)
+
+
+def test_faces_of_a_cad_model_are_known_once_it_was_analysed(service: Service, tmp_path: Path) -> None:
+    step = Step()
+    step.product("part", [step.solid(step.box_faces(np.ones(3)), "block")])
+    design = service.http.put("/v1/blobs", params={"filename": "d.step"}, content=step.text()).json()["id"]
+    source = {"blob": design, "filename": "d.step"}
+
+    def post(*faces: object) -> Any:
+        region = {"name": "a", "region": {"kind": "brep_faces", "faces": faces}, "upper_mm": 1}
+        options = {"acceptance": {"upper_mm": 1, "regions": [region]}}
+        return service.http.post("/v1/jobs", json={"design": source, "scan": source, "options": options})
+
+    assert post("bore", 17).status_code == 202  # not known yet: the job will tell
+    (tmp_path / "design.brep_faces.csv").write_text("number,name,kind\n0,bore,plane\n1,,plane\n2,rim,plane\n")
+    faces = DesignFaces(service.blobs.store)
+    faces.keep("default", source, None, tmp_path)
+    assert post("bore", 2).status_code == 202
+    at = "options.acceptance.regions.0.region.faces: the design has no face"
+    assert_problem(post("bore", 3), 422, "invalid_options", at, "3; it has 3 (0 to 2): 'bore', 'rim'")
+    assert_problem(post("boer"), 422, "invalid_options", at, "'boer'")
+    assert faces.names("another tenant", source, None) is None
 
 
 def test_a_design_must_be_stored_first(service: Service) -> None:

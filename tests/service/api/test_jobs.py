@@ -46,6 +46,9 @@ def test_options_may_come_as_a_file(service: Service) -> None:
     assert service.submit(options=("o.json", b'{"label": "from a file"}')).json()["label"] == "from a file"
 
 
+POINT = '{"name": "P", "position_mm": [0, 0, 0], "radius_mm": 1, "tolerance_mm": 0.1}'
+
+
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
@@ -73,6 +76,35 @@ def test_options_may_come_as_a_file(service: Service) -> None:
             "the points leave a motion free: the rotation about",
         ),
         ('{"acceptance": {"min_within": 0.9}}', "invalid_options", "acceptance: min_within"),
+        ('{"acceptance": {"lower_mm": 0.2, "upper_mm": 0.1}}', "invalid_options", "must be below upper_mm"),
+        (
+            '{"acceptance": {"points": [' + POINT + ", " + POINT + "]}}",
+            "invalid_options",
+            "'P' is given twice",
+        ),
+        (
+            '{"acceptance": {"points": [' + POINT.replace("0.1", "-0.1") + "]}}",
+            "invalid_options",
+            "options.acceptance.points.0.tolerance_mm",
+        ),
+        (
+            '{"acceptance": {"points": [' + POINT + '], "distances": [{"name": "d", "first": "P", '
+            '"second": "Q", "upper_mm": 1}]}}',
+            "invalid_options",
+            "'Q' is none of `points`",
+        ),
+        (
+            '{"acceptance": {"regions": [{"name": "a", "region": {"kind": "named", "name": "seat"}, '
+            '"upper_mm": 1}]}}',
+            "invalid_options",
+            "no region is named 'seat'",
+        ),
+        (
+            '{"acceptance": {"regions": [{"name": "a", "region": {"kind": "brep_faces", "faces": [3]}, '
+            '"upper_mm": 1}]}}',
+            "invalid_options",
+            "options.acceptance.regions.0.region.faces: the file of the design has only triangles",
+        ),
         ('{"reference": {"serial": ""}}', "invalid_options", "options.reference.serial"),
         ('{"reference": {"more": {"1": "x"}}}', "invalid_options", "options.reference.more"),
         ('{"scan_accuracy_mm": 0}', "invalid_options", "options.scan_accuracy_mm"),
