@@ -217,6 +217,7 @@ def _job(status: Status) -> Any:
         error=problem.model_dump(exclude_none=True) if problem else None,
         verdict="ok" if status is Status.SUCCESSFUL else None,
         decision="pass" if status is Status.SUCCESSFUL else None,
+        within=0.957 if status is Status.SUCCESSFUL else None,
         options={"reference": {"part_number": "BR-7", "serial": "0042", "batch": "2026-11"}},
     )
     return job_of(row)

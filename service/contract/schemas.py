@@ -346,6 +346,11 @@ class Job(Response):
     decision: Decision | None = Field(
         description="is the part accepted, as in the results; null until `successful`, and for other types"
     )
+    within: float | None = Field(
+        None,
+        description="share of the scanned area within the tolerance, 0 to 1, as in the results; null until "
+        "`successful`, without a tolerance or a pose, and for other types",
+    )
     reference: Reference | None = Field(description="identity of the part, as sent in `options`")
     batch_id: str | None = Field(None, description="of the batch that it belongs to; null: none")
     inputs: JobInputs = Field(description="the meshes of the job")

@@ -21,6 +21,7 @@ def job_of(row: JobRow) -> Job:
             "label": row.label,
             "verdict": row.verdict,
             "decision": row.decision,
+            "within": row.within,
             "batch_id": row.batch_id,
             "reference": row.options.get("reference") if row.options else None,
             "inputs": {name: _input_of(row.inputs.get(name)) for name in JobInputs.model_fields},

@@ -201,7 +201,10 @@ def test_a_listing_is_paged_and_filtered(service: Service) -> None:
     assert_problem(service.http.get("/v1/jobs?limit=0"), 422, "invalid_request", "limit")
 
 
-RESULTS_OF_A_PART = b'{"schema_version": "1", "verdict": {"status": "ok"}, "inspection": {"decision": "%s"}}'
+RESULTS_OF_A_PART = (
+    b'{"schema_version": "1", "verdict": {"status": "ok"}, "inspection": {"decision": "%s"}, '
+    b'"deviation": {"within": 0.957}}'
+)
 
 
 def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> None:
@@ -217,7 +220,10 @@ def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> N
     for number, decision in enumerate((b"pass", b"fail", b"pass")):
         service.sandbox.act = judged(decision)
         reference = {"serial": f"A-{number}", "batch": "B1", "more": {"shift": "2"}}
-        ids.append(service.finished(json.dumps({"label": f"lid {number}", "reference": reference})))
+        scan = (f"Größe {number}.obj", TRIANGLE_OBJ)
+        answer = service.submit(json.dumps({"label": f"lid {number}", "reference": reference}), scan=scan)
+        ids.append(answer.json()["id"])
+        service.worker.run(ids[-1])
 
     def listed(**query: str) -> list[str]:
         return [job["id"] for job in service.http.get("/v1/jobs", params=query).json()["jobs"]]
@@ -228,9 +234,15 @@ def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> N
     assert listed(verdict="mirrored") == listed(part_number="B1") == []
     assert listed(label="~id 1") == [ids[1]]
     assert listed(label="~%") == []
+    assert listed(name="ID 1") == listed(name="a-1") == listed(name="größe 1") == [ids[1]]
+    assert listed(name="b1", decision="pass") == [ids[2], ids[0]]
+    assert listed(name="%") == listed(name="shift") == []
     job = service.status(ids[1])
     assert (job["verdict"], job["decision"], job["reference"]["serial"]) == ("ok", "fail", "A-1")
     assert job["reference"]["more"] == {"shift": "2"}
+    assert job["within"] == 0.957
+    service.http.delete(f"/v1/jobs/{ids[2]}")
+    assert listed(name="lid 2") == []
     assert 'cusp_decisions_total{decision="pass"} 2.0' in service.http.get("/metrics").text
     assert_problem(service.http.get("/v1/jobs?decision=maybe"), 422, "invalid_request", "decision")
 
