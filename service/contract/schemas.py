@@ -367,6 +367,27 @@ class Job(Response):
         return self.status.is_final
 
 
+class JobForecast(Response):
+    """How long a job has taken, and how long it will take."""
+
+    elapsed_s: float = Field(
+        ge=0, description="of a waiting job since it was accepted, of another since its attempt started"
+    )
+    place: int | None = Field(
+        ge=1, description="place in the queue, 1 is the next to start; null unless the job is `accepted`"
+    )
+    remaining_s: float | None = Field(
+        ge=0,
+        description="estimate of the time until the job is final: a median, so half of such jobs take "
+        "longer; 0 of a final job; null: no estimate, too few such jobs were seen, or none took so long",
+    )
+    based_on: int = Field(
+        ge=0,
+        description="recent successful jobs of this service that the estimate is from: of the same type, "
+        "preset, settings and study, and of about the same size (bytes of the meshes within a factor of 2)",
+    )
+
+
 class BatchLinks(Response):
     """Addresses that belong to a batch."""
 

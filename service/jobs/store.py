@@ -11,6 +11,7 @@ from service.jobs.batches import BatchRecords
 from service.jobs.blob_records import BlobRecords
 from service.jobs.characteristics import CharacteristicsRecords
 from service.jobs.expiry import ExpiryQueries
+from service.jobs.forecast import Forecasts
 from service.jobs.models import DEFAULT_TENANT, IdempotencyRow, JobRow
 from service.jobs.queue_entries import QueueEntries, next_rank
 from service.jobs.transitions import JobTransitions
@@ -33,6 +34,7 @@ class JobStore(
     CharacteristicsRecords,
     BatchRecords,
     ExpiryQueries,
+    Forecasts,
 ):
     """All tables of jobs of one database. Safe to share between threads; rows are detached copies."""
 

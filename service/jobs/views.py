@@ -3,7 +3,8 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from service.contract.schemas import FileEntry, FileList, Job, JobInputs, Links, Problem
+from service.contract.schemas import FileEntry, FileList, Job, JobForecast, JobInputs, Links, Problem
+from service.jobs.forecast import Forecast
 from service.jobs.models import JobRow
 
 
@@ -45,6 +46,16 @@ def _input_of(source: dict[str, Any] | None) -> dict[str, Any] | None:
         "filename": source.get("filename"),
         "url": url and url.partition("?")[0].partition("#")[0],
     }
+
+
+def forecast_of(found: Forecast) -> JobForecast:
+    """The forecast of a job, in tenths of a second."""
+    return JobForecast(
+        elapsed_s=round(found.elapsed_s, 1),
+        place=None if found.ahead is None else found.ahead + 1,
+        remaining_s=None if found.left_s is None else round(found.left_s, 1),
+        based_on=found.based_on,
+    )
 
 
 def files_of(row: JobRow) -> FileList:

@@ -101,7 +101,7 @@ def test_a_running_job_is_watched_and_cancelled(
     behind = running.client.submit(design, design, {**LONG, "label": "behind"})
     last = running.client.submit(design, design, {**LONG, "label": "last"})
     page.goto(f"{watched.server}/#{last.id}")
-    expect(page.locator("#elapsed")).to_contain_text("1 job of yours before it", timeout=JOB_MS)
+    expect(page.locator("#elapsed")).to_contain_text("place 2 in the queue, no estimate", timeout=JOB_MS)
     for waiting in (last, behind):
         running.client.cancel(waiting.id)
     page.goto(f"{watched.server}/#{job.id}")
@@ -116,6 +116,42 @@ def test_a_running_job_is_watched_and_cancelled(
     page.click("#remove")
     expect(page.locator("#jobs")).to_be_visible()
     expect(page.locator("#job-rows")).not_to_contain_text("too long")
+
+
+def test_the_list_is_used_by_keyboard(watched: Watched, registered: Job, running: RunningService) -> None:
+    server, mesh = running.client.server, registered.inputs.design
+    assert mesh is not None
+    scans = [{"scan": {"blob": mesh.blob, "filename": f"many {n}.stl"}} for n in range(21)]
+    request = {"design": {"blob": mesh.blob}, "scans": scans, "options": LONG}
+    batch = httpx.post(f"{server}/v1/batches", json=request).json()["id"]
+    httpx.post(f"{server}/v1/batches/{batch}/cancel")
+    page, rows = watched.page, watched.page.locator("#job-rows tr")
+    page.focus("#filter-name")
+    page.keyboard.type("MANY ")
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(20)
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.id") == "more":
+            break
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(21)
+    expect(page.locator("#more")).to_be_hidden()
+    page.focus("#filter-name")
+    page.keyboard.press("Control+A")
+    page.keyboard.type("finished")
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(1)
+    for name, key in (("verdict", "o"), ("decision", "n")):  # ok, not judged
+        page.focus(f"#filter-{name}")
+        page.keyboard.type(key)
+    expect(rows).to_have_count(1)
+    within = running.client.job(registered.id).within
+    assert within is not None and within == results(running, registered.id)["deviation"]["within"]
+    expect(rows.locator("td").last).to_contain_text("%")
+    rows.locator("a").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#job-title")).to_be_focused()
 
 
 def test_a_bad_file_is_refused_with_its_reason(watched: Watched, design: Path, tmp_path: Path) -> None:

@@ -35,13 +35,14 @@ from service.contract.schemas import (
     DeliveryList,
     FileList,
     Job,
+    JobForecast,
     JobPage,
     JobType,
     Results,
     Status,
 )
 from service.jobs.models import JobRow
-from service.jobs.views import files_of, job_of
+from service.jobs.views import files_of, forecast_of, job_of
 from service.webhooks.outbox import delivery_list, delivery_of
 
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
@@ -245,6 +246,12 @@ async def _events(api: Api, first: JobRow, caller: Caller) -> AsyncIterator[byte
                 yield sent
             if watched.row.status.is_final:
                 return
+
+
+@router.get("/{job_id}/forecast", responses=problems(401, 403, 404, 429))
+def forecast(job_id: JobId, api: UseApi, caller: Reads) -> JobForecast:
+    """Get the place of a job in the queue, and an estimate of the time that is left."""
+    return forecast_of(api.jobs.forecast(api.job(job_id, caller)))
 
 
 @router.get(
