@@ -70,23 +70,40 @@ def test_one_mesh_becomes_segments_and_landmarks(
     expect(page.locator("#plot .centre")).to_have_count(found["segments"]["mesh"]["count"])
 
 
-def test_a_study_is_shown(watched: Watched, design: Path, running: RunningService) -> None:
-    options = (
-        '{"study": {"trials": 20, "detectors": ["t2", "random"]}, '
-        '"settings": {"resample": {"target_vertices": 400}}}'
-    )
+def test_a_study_is_sent_and_shown(
+    registered: Job, watched: Watched, design: Path, running: RunningService
+) -> None:
+    page = watched.page
+    page.check("input[value=study]")
+    expect(page.locator("#tolerance-field")).to_be_hidden()
+    assert registered.inputs.design is not None
+    page.select_option("[data-mesh=mesh] [data-what=earlier]", registered.inputs.design.blob)
+    page.fill("input[name=trials]", "20")
+    for tick in page.locator("#study-detectors input").all():
+        tick.uncheck()
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("at least one landmark detector")
+    for name in ("t2", "random"):
+        page.check(f"#study-detectors input[value={name}]")
+    with page.expect_request("**/v1/jobs") as sent:
+        page.click("#go")
+    study = {"kind": "informativeness", "detectors": ["t2", "random"], "trials": 20}
+    assert sent.value.post_data_json["options"] == {"study": study}
+    page.click("#cancel")  # the same with a coarse mesh, which the page does not offer
+    settings = {"resample": {"target_vertices": 400}}
+    given = {"type": "study", "options": json.dumps({"study": study, "settings": settings})}
     files = {"mesh": ("part.stl", design.read_bytes())}
-    given = {"type": "study", "options": options}
-    job = running.successful(
-        httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"]
-    )
-    page = watched.open(job)
-    found = results(running, job.id)
+    made = httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"]
+    watched.open(running.successful(made))
+    found = results(running, made)
     expect(page.locator("#summary")).to_have_text(found["summary"])
     expect(page.locator("#study-table tbody tr")).to_have_count(len(found["informativeness"]))
     page.wait_for_function("document.querySelector('#study-picture').naturalWidth > 100")
     expect(page.locator("#viewer")).to_be_hidden()
     expect(page.locator("#graph")).to_be_hidden()
+    page.goto(f"{watched.server}/#again-{made}")  # with what was asked for
+    expect(page.locator("input[name=trials]")).to_have_value("20")
+    expect(page.locator("#study-detectors input:checked")).to_have_count(2)
 
 
 def test_a_running_job_is_watched_and_cancelled(
