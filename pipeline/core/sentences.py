@@ -5,6 +5,7 @@ template again by the text (`pipeline.report.translation`). Numbers are written 
 minus sign.
 """
 
+from decimal import Decimal
 from string import Formatter
 from typing import Any
 
@@ -15,8 +16,10 @@ class _Figures(Formatter):
     def format_field(self, value: Any, format_spec: str) -> Any:
         if isinstance(value, str):
             return value
-        text = str(super().format_field(value, format_spec)).replace("-", MINUS)
-        return text.replace("e" + MINUS, "e-").replace("%", " %") if format_spec else text
+        text = str(super().format_field(value, format_spec))
+        if "e" in text:
+            text = format(Decimal(text), "f")  # 12300, not 1.23e+04
+        return text.replace("-", MINUS).replace("%", " %")
 
 
 _FIGURES = _Figures()

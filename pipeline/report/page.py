@@ -220,14 +220,14 @@ def _verdict(verdict: Verdict, words: Words) -> dict[str, object]:
         "sentence": words(meaning),
         # Without a pose the reason comes first; what is said of the rejected pose is not the reason.
         "findings": _findings(
-            [each for each in verdict.findings if not folded or each.code not in ABOUT_POSE]
+            [each for each in verdict.findings if not folded or each.code not in ABOUT_POSE], words
         ),
-        "about": _findings([each for each in verdict.findings if folded and each.code in ABOUT_POSE]),
+        "about": _findings([each for each in verdict.findings if folded and each.code in ABOUT_POSE], words),
     }
 
 
-def _findings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
-    return [(each.code, each.detail.replace("mm^2", "mm²")) for each in findings]
+def _findings(findings: Sequence[Finding], words: Words) -> list[tuple[str, str]]:
+    return [(each.code, words.sentence(each.detail)) for each in findings]
 
 
 def _confidence(value: float | None, words: Words) -> str:
@@ -289,7 +289,7 @@ def _render(
         facts=facts,
         company=header.company,
         logo=logo,
-        warnings=warnings,
+        warnings=[(note.code, words.note(note.code, note.detail)) for note in warnings],
         sections=[*sections, tables.provenance(inputs, made_by, words)],
         foot=f"{files}; Cusp {made_by.version}",
         words=words,

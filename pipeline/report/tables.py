@@ -78,8 +78,8 @@ def _evidence_row(each: Evidence, words: Words) -> tuple[str, ...]:
     amount = words.signed(each.contribution, 2)
     is_zero = abs(each.contribution) < 0.005
     side = words("neither") if is_zero else words("for") if each.contribution > 0 else words("against")
-    name = each.name.replace("_", " ")
-    return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", each.detail)
+    name, detail = words(each.name.replace("_", " ")), words(each.detail)
+    return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", detail)
 
 
 def probability(value: float | None, words: Words = ENGLISH) -> str:

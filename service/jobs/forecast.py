@@ -1,4 +1,4 @@
-"""How long a job will take, from what the service has seen: medians over recent jobs of the same kind and size."""
+"""How long a job will take: medians over recent jobs of the same kind and size."""
 
 import heapq
 import json
@@ -105,7 +105,9 @@ class Forecasts(TableAccess):
         """Recent successful jobs, with the seconds that each took."""
         query = select(JobRow).where(JobRow.status == Status.SUCCESSFUL, JobRow.removed_ms.is_(None))
         with self._session() as session:
-            rows = list(session.scalars(query.order_by(JobRow.id.desc()).limit(RECENT).options(load_only(*_NEEDED))))
+            rows = list(
+                session.scalars(query.order_by(JobRow.id.desc()).limit(RECENT).options(load_only(*_NEEDED)))
+            )
         done = [row for row in rows if row.started_ms is not None and row.finished_ms is not None]
         seconds = [((row.finished_ms or 0) - (row.started_ms or 0)) / 1000 for row in done]
         return list(zip(self._sizes(done), seconds, strict=True))

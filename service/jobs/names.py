@@ -21,5 +21,7 @@ def names_of(label: str | None, inputs: Mapping[str, Any], reference: Mapping[st
 
 def names_of_new_row(context: DefaultExecutionContext) -> str | None:
     """The same of a row that is being inserted."""
-    row = context.get_current_parameters()
-    return names_of(row.get("label"), row.get("inputs") or {}, (row.get("options") or {}).get("reference") or {})
+    row: dict[str, Any] = context.get_current_parameters()  # type: ignore[no-untyped-call]
+    return names_of(
+        row.get("label"), row.get("inputs") or {}, (row.get("options") or {}).get("reference") or {}
+    )

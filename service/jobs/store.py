@@ -143,9 +143,9 @@ class JobStore(
     ) -> tuple[Sequence[JobRow], str | None]:
         """Up to `limit` jobs of the tenant older than `before_id`, newest first, since ids sort by time.
 
-        name : part of a name of the job, see `names_of`; equal : columns that must have a value, None for any. Returns them and the `before_id`
-        of the next page, if there is one. A row that cannot be read is left
-        out.
+        name : part of a name of the job, see `names_of`; equal : columns that must have a value, None for
+        any. Returns them and the `before_id` of the next page, if there is one. A row that cannot be read is
+        left out.
         """
         conditions = [JobRow.tenant == tenant, JobRow.removed_ms.is_(None)]
         if status is not None:

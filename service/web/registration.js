@@ -56,7 +56,7 @@ function judge(verdict) {
   $('meaning').textContent = meaning(verdict);
   // Without a pose the reason comes first; what is said of the pose that was rejected is not the reason.
   const isFolded = ({ code }) => WITHOUT_POSE.includes(status) && ABOUT_POSE.includes(code);
-  const item = (each) => element('li', `${each.code.replaceAll('_', ' ')}: ${each.detail.replaceAll('mm^2', 'mm²')}`);
+  const item = (each) => element('li', `${each.code.replaceAll('_', ' ')}: ${each.detail}`);
   $('findings').replaceChildren(...findings.filter((each) => !isFolded(each)).map(item));
   $('rejected-findings').replaceChildren(...findings.filter(isFolded).map(item));
   $('about-rejected').hidden = !findings.some(isFolded);

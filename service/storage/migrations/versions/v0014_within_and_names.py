@@ -1,6 +1,7 @@
 """What lists show and search: the share of the area within the tolerance, and the names of a job."""
 
 import json
+from typing import Any
 
 import sqlalchemy as sa
 from alembic import op
@@ -33,7 +34,7 @@ def upgrade() -> None:
     op.create_index("jobs_by_names", "jobs", ["tenant", "id", "names"])
 
 
-def _names(label: str | None, inputs: object, options: object) -> str | None:
+def _names(label: str | None, inputs: Any, options: Any) -> str | None:
     """None of a row that cannot be read."""
     try:
         sources = json.loads(inputs) if isinstance(inputs, str) else inputs
