@@ -138,7 +138,7 @@ GERMAN_FINDINGS: dict[str, str] = {
     "the principal axes": "die Hauptachsen",
     "ICP had not converged after {count} iterations": "ICP war nach {count} Iterationen nicht konvergiert",
     # reasons of the decision, and its rule
-    "no limits were given; send options.acceptance": (
+    "no limits were given; state them in options.acceptance": (
         "es wurden keine Grenzen angegeben (options.acceptance)"
     ),
     "the alignment is {status}, so the part cannot be judged": (

@@ -14,6 +14,7 @@ DECISIONS: dict[Decision, tuple[str, str]] = {
     "fail": ("fail", "bad"),
     "not_judged": ("not judged", "warn"),
 }
+AREA = "Area: the surface around it that deviates by at least half of this."
 PASSED = {True: "passed", False: "failed", None: "not judged"}
 
 
@@ -70,7 +71,7 @@ def extreme_tables(inspection: Inspection | None, words: Words = ENGLISH) -> lis
                 for each in inspection.extremes
             ],
             frozenset(numbers),
-            f"{_patch(inspection, words)} {words('The area deviates by at least half as much.')}",
+            f"{_patch(inspection, words)} {words(AREA)}",
         )
     ]
 

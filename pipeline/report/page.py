@@ -36,15 +36,15 @@ NO_HEADER = ReportHeader()
 MEANING = {
     "ok": "The scan is aligned, and no other pose fits as well.",
     "uncertain": (
-        "The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on "
-        "it: see the findings."
+        "The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: "
+        "see the findings."
     ),
     "ambiguous": (
         "Several poses fit equally well, and the scan does not show which is right. Check the pose "
         "before you use it."
     ),
     "under_constrained": (
-        "The part can slide or turn along its own surface without a worse fit: the pose is not unique."
+        "The scan can slide or turn along the design without fitting worse: the pose is not unique."
     ),
     "units_suspect": "The scan fits only in another unit of length. Send it again with the right unit.",
     "mirrored": (
@@ -58,8 +58,8 @@ MEANING = {
 }
 #: Instead of `ok`, of a design that is its own image.
 MEANING_SYMMETRIC = (
-    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them "
-    "is right. No other pose does."
+    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. "
+    "No other pose fits as well."
 )
 #: Statuses without a pose, and findings that are about the best pose that was tried, not about the reason.
 WITHOUT_POSE = frozenset({"mirrored", "no_match"})

@@ -77,7 +77,7 @@ def evidence(verdict: Verdict, words: Words = ENGLISH) -> list[Table]:
 def _evidence_row(each: Evidence, words: Words) -> tuple[str, ...]:
     amount = words.signed(each.contribution, 2)
     is_zero = abs(each.contribution) < 0.005
-    side = words("neither") if is_zero else words("for") if each.contribution > 0 else words("against")
+    side = words("neutral") if is_zero else words("for") if each.contribution > 0 else words("against")
     name, detail = words(each.name.replace("_", " ")), words(each.detail)
     return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", detail)
 
@@ -173,9 +173,12 @@ def registration(result: RegistrationResult, words: Words = ENGLISH) -> Table:
         ),
         (words("RMSE of the final pose"), words.millimetres(metrics.rmse_mm)),
         (words("inlier distance"), words.millimetres(metrics.inlier_distance_mm)),
-        (words("share of the scan within it"), words.percent(metrics.fitness)),
-        (words("the same, not at open borders"), words.percent(metrics.scan_overlap)),
-        (words("share of the design within it of the scan"), words.percent(metrics.design_coverage)),
+        (words("share of the scan within the inlier distance"), words.percent(metrics.fitness)),
+        (words("the same, without open borders of the design"), words.percent(metrics.scan_overlap)),
+        (
+            words("share of the design within the inlier distance of the scan"),
+            words.percent(metrics.design_coverage),
+        ),
     ]
     if result.scale is not None:
         rows.append((words("residual deformation"), words.millimetres(result.scale.warp_mm)))
@@ -207,7 +210,7 @@ def alternatives(
     equivalent = sum(each.equivalent_poses for each in poses if each.symmetry_of_design)
     if equivalent:
         text = words(
-            "{count} besides this one, by symmetry of the design: each is as right.", count=equivalent
+            "{count} besides this one, by symmetry of the design: each is equally correct.", count=equivalent
         )
         found.append(Line(words("Equivalent poses"), text))
     if not others:

@@ -40,7 +40,7 @@ export async function open(id, signal) {
         say('failed', new api.Refused(job.error, 0));
         reading.offer(job, [job.error]);
       }
-      if (job.status === 'dismissed') say('failed', new Error('This job was dismissed.'));
+      if (job.status === 'dismissed') say('failed', new Error('This job was cancelled (status: dismissed).'));
       if (job.status === 'successful') await show(job, signal);
     }
   } catch (error) {

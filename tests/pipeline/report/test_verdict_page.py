@@ -69,7 +69,7 @@ def test_the_evidence_is_folded_under_the_verdict_and_says_what_speaks_for_and_a
     assert "pose: 0.95 probability that the pose is right" in text
     assert "residual \N{MINUS SIGN}0.90 \N{MINUS SIGN}4.00 for +0.40 RMS" in text
     assert "matched landmarks 0.20 1.00 against \N{MINUS SIGN}0.60 share" in text
-    assert "mirror 0.00 1.00 neither 0.00 mirror image" in text
+    assert "mirror 0.00 1.00 neutral 0.00 mirror image" in text
 
 
 def test_a_null_confidence_is_not_given_and_zero_is_not_shown() -> None:
@@ -101,7 +101,7 @@ def test_one_row_stands_for_all_equivalent_poses() -> None:
 def test_a_symmetric_design_has_no_other_pose_and_equivalent_ones_are_as_right() -> None:
     finding = Finding(code="symmetric_design", detail="7 other poses", value=7.0)
     text = page(verdict(findings=[finding]))
-    assert "any of them is right" in text and MEANING["ok"] not in text
+    assert "each is correct" in text and MEANING["ok"] not in text
 
 
 def test_without_a_pose_the_reason_is_not_buried_under_what_is_said_of_the_rejected_one() -> None:

@@ -25,6 +25,7 @@ BY_NAME = {
     *(status.replace("_", " ") for status in get_args(VerdictStatus)),
     *(words for words, _ in inspection_tables.DECISIONS.values()),
     *inspection_tables.PASSED.values(),
+    inspection_tables.AREA,
     *(note for _, note in tables.PROBABILITIES),
     *(of.replace("_", " ") for of, _ in tables.PROBABILITIES),
     tables.NOT_GIVEN,

@@ -6,14 +6,13 @@ from typing import Any
 import sqlalchemy as sa
 from alembic import op
 
-from service.jobs.names import names_of
-
 revision = "0014"
 down_revision = "0013"
 branch_labels = None
 depends_on = None
 
 BATCH = 1000  # rows of one UPDATE
+MAX_NAMES = 600  # characters
 
 
 def upgrade() -> None:
@@ -35,13 +34,17 @@ def upgrade() -> None:
 
 
 def _names(label: str | None, inputs: Any, options: Any) -> str | None:
-    """None of a row that cannot be read."""
+    """As `service.jobs.names` at this revision; None of a row that cannot be read."""
     try:
         sources = json.loads(inputs) if isinstance(inputs, str) else inputs
         sent = json.loads(options) if isinstance(options, str) else options
-        return names_of(label, sources or {}, (sent or {}).get("reference") or {})
+        reference = (sent or {}).get("reference") or {}
+        files = [source.get("filename") for source in (sources or {}).values() if source]
     except (ValueError, AttributeError):
         return None
+    keys = [reference.get(key) for key in ("part_number", "serial", "batch")]
+    text = "\n".join(str(each) for each in (label, *keys, *files) if each)
+    return text.lower()[:MAX_NAMES] or None
 
 
 def downgrade() -> None:
