@@ -20,7 +20,7 @@ SHAPE_DIFFERENCES = frozenset({"missing_material", "local_difference"})
 OTHER_DOUBTS = frozenset(
     {"high_residual", "flat_scan", "accuracy_unknown", "accuracy_too_coarse", "scan_more"}
 )
-NO_LIMITS = sentence("no limits were given; state them in options.acceptance")
+NO_LIMITS = sentence("no limits to accept the part by were given; state them in options.acceptance")
 
 
 def inspect(

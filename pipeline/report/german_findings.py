@@ -138,8 +138,8 @@ GERMAN_FINDINGS: dict[str, str] = {
     "the principal axes": "die Hauptachsen",
     "ICP had not converged after {count} iterations": "ICP war nach {count} Iterationen nicht konvergiert",
     # reasons of the decision, and its rule
-    "no limits were given; state them in options.acceptance": (
-        "es wurden keine Grenzen angegeben (options.acceptance)"
+    "no limits to accept the part by were given; state them in options.acceptance": (
+        "es wurden keine Grenzen für die Annahme des Teils angegeben (options.acceptance)"
     ),
     "the alignment is {status}, so the part cannot be judged": (
         "das Urteil über die Ausrichtung ist „{status}“; das Teil kann daher nicht bewertet werden"
