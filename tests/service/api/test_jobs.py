@@ -414,3 +414,19 @@ def test_delete_cancels_only_if_it_is_told_so(service: Service) -> None:
     assert silent.status_code == 204 and silent.headers["deprecation"].startswith("@")
     removed = service.http.delete(f"/v1/jobs/{service.finished()}")
     assert removed.status_code == 204 and "deprecation" not in removed.headers
+
+
+def test_a_job_tells_its_place_and_what_is_left(service: Service) -> None:
+    done, first, second = service.finished(), service.submitted(), service.submitted()
+
+    def forecast(job_id: str) -> dict[str, Any]:
+        found: dict[str, Any] = service.http.get(f"/v1/jobs/{job_id}/forecast").json()
+        return found
+
+    assert [forecast(each)["place"] for each in (done, first, second)] == [None, 1, 2]
+    assert (forecast(done)["remaining_s"], forecast(second)["remaining_s"]) == (0.0, None)
+    assert forecast(second)["based_on"] == 1  # too few for an estimate
+    for job_id in (first, second):
+        service.worker.run(job_id)
+    assert forecast(service.submitted())["remaining_s"] is not None
+    assert_problem(service.http.get("/v1/jobs/none/forecast"), 404, "job_not_found")
