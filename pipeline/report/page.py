@@ -84,13 +84,34 @@ def registration(
     out: Path,
     header: ReportHeader = NO_HEADER,
     words: Words = ENGLISH,
+    *,
+    summary: bool = False,
 ) -> str:
-    """The page of a registration; the drawings are read from `out`."""
-    deviation, has_pose = result.deviation, result.transform is not None
+    """The page of a registration; the drawings are read from `out`. summary : the first page only"""
     sections: list[Section] = [*check_tables(result.inspection, words)]
     sections += [] if views.placed is None else [views.placed]
-    if deviation is not None:
+    if result.deviation is not None:
         sections += _drawings(out, words("Histogram of the deviation"), ("deviation_histogram.svg",))
+    sections += [] if summary else _details(result, views, out, words)
+    return _render(
+        *(words("Inspection report"), sections, result.warnings),
+        inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
+        made_by=result.provenance,
+        subtitle=words("Scan of a printed part, registered to its design"),
+        verdict=result.verdict,
+        decision=decision_box(result.inspection, words),
+        tiles=_key_figures(result, words),
+        facts=identity(result.reference, header, words),
+        header=header,
+        words=words,
+        summary=summary,
+    )
+
+
+def _details(result: RegistrationResult, views: PageViews, out: Path, words: Words) -> list[Section]:
+    """What follows the first page: sections and tables, then how it was found."""
+    deviation, has_pose = result.deviation, result.transform is not None
+    sections: list[Section] = []
     sections += [] if views.sections is None else [views.sections]
     sections += extreme_tables(result.inspection, words)
     if deviation is not None:
@@ -109,18 +130,7 @@ def registration(
     sections += [views.parts]
     graphs = ("design.decision_graph.svg", "scan.decision_graph.svg")
     sections += _drawings(out, words("Decision graphs"), graphs)
-    return _render(
-        *(words("Inspection report"), sections, result.warnings),
-        inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
-        made_by=result.provenance,
-        subtitle=words("Scan of a printed part, registered to its design"),
-        verdict=result.verdict,
-        decision=decision_box(result.inspection, words),
-        tiles=_key_figures(result, words),
-        facts=identity(result.reference, header, words),
-        header=header,
-        words=words,
-    )
+    return sections
 
 
 def landmarks(
@@ -273,6 +283,7 @@ def _render(
     facts: Sequence[tuple[str, str]] = (),
     header: ReportHeader = NO_HEADER,
     words: Words = ENGLISH,
+    summary: bool = False,
 ) -> str:
     """The HTML. inputs : by name; the footer of each printed page gives the first digits of their hashes"""
     files = ", ".join(f"{words(name)} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
@@ -290,7 +301,8 @@ def _render(
         company=header.company,
         logo=logo,
         warnings=[(note.code, words.note(note.code, note.detail)) for note in warnings],
-        sections=[*sections, tables.provenance(inputs, made_by, words)],
+        sections=sections if summary else [*sections, tables.provenance(inputs, made_by, words)],
+        summary=summary,
         foot=f"{files}; Cusp {made_by.version}",
         words=words,
         zip=zip,

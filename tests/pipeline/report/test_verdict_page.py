@@ -22,7 +22,9 @@ from pipeline.core.results import (
 )
 from pipeline.report import tables
 from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, identity
-from pipeline.report.page import MEANING, MOODS, _render
+from pipeline.report.page import MEANING, MOODS, _render, registration
+from pipeline.report.registration_pictures import PageViews
+from pipeline.report.sections import Pictures
 from pipeline.report.words import Words
 
 STATUSES: tuple[VerdictStatus, ...] = get_args(VerdictStatus)
@@ -152,6 +154,19 @@ def test_the_decision_on_the_part_comes_first_with_its_reasons() -> None:
     )
     text = " ".join(unescape(re.sub(r"<[^>]+>", " ", html[html.index("<body>") :])).split())
     assert text.index("part: fail") < text.index(reason) < text.index("alignment: ok")
+
+
+def test_a_summary_has_the_first_page_only(tmp_path: Path) -> None:
+    (tmp_path / "deviation_histogram.svg").write_text("<svg/>")
+    views = PageViews(Pictures("Views", "", []), None, Pictures("Segments", "", []), "")
+    whole, first = (
+        registration(example(), views, tmp_path, words=Words("en"), summary=summary)
+        for summary in (False, True)
+    )
+    for words in ("alignment: ok", "Views", "Histogram of the deviation"):
+        assert words in whole and words in first
+    for words in ("How it was found", "Provenance", "Each probability follows", "Largest deviations"):
+        assert words in whole and words not in first
 
 
 def test_every_check_and_every_extreme_place_has_a_row() -> None:
