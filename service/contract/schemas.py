@@ -341,10 +341,12 @@ class Job(Response):
     message: str | None = Field(description="description of the stage")
     label: str | None = Field(description="as sent in `options`")
     verdict: VerdictStatus | None = Field(
-        description="may the pose be trusted, as in the results; null until `successful`, and for other types"
+        description="whether the pose is reliable, as in the results; null until `successful`, and for other "
+        "types"
     )
     decision: Decision | None = Field(
-        description="is the part accepted, as in the results; null until `successful`, and for other types"
+        description="whether the part is accepted, as in the results; null until `successful`, and for other "
+        "types"
     )
     within: float | None = Field(
         None,
