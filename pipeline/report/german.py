@@ -180,6 +180,11 @@ GERMAN: dict[str, str] = {
     "From the design to the scan it shows what is missing: a broken piece, or a filled hole.": (
         "Vom Soll zum Scan zeigt sie, was fehlt: ein abgebrochenes Stück oder ein gefülltes Loch."
     ),
+    "The scan is a point cloud: from the design the distance is to the nearest point, so it includes the "
+    "spacing of the points.": (
+        "Der Scan ist eine Punktwolke: Vom Soll aus ist es der Abstand zum nächsten Punkt; er enthält daher "
+        "den Abstand der Punkte voneinander."
+    ),
     "share of the design that is counted": "Anteil des Solls, der gezählt ist",
     "vertices counted": "gezählte Punkte",
     "mean (SD)": "Mittelwert (SD)",

@@ -115,7 +115,8 @@ def _details(result: RegistrationResult, views: PageViews, out: Path, words: Wor
     sections += [] if views.sections is None else [views.sections]
     sections += extreme_tables(result.inspection, words)
     if deviation is not None:
-        sections += [tables.both_ways(deviation, result.deviation_of_design, words)]
+        is_cloud = any(note.code == "point_cloud" for note in result.warnings)
+        sections += [tables.both_ways(deviation, result.deviation_of_design, words, is_cloud=is_cloud)]
         sections += tables.by_segment(deviation.by_segment, words)
     matched = f", {words('{count} matched', count=len(result.landmarks.matches))}" if has_pose else ""
     note = words(

@@ -54,6 +54,10 @@ PROBABILITIES = (
     ("pose", "probability that the pose is right, if it is"),
 )
 NOT_GIVEN = "not given"
+TO_POINTS = (
+    "The scan is a point cloud: from the design the distance is to the nearest point, so it includes the "
+    "spacing of the points."
+)
 
 
 def evidence(verdict: Verdict, words: Words = ENGLISH) -> list[Table]:
@@ -87,8 +91,12 @@ def probability(value: float | None, words: Words = ENGLISH) -> str:
     return words(NOT_GIVEN) if value is None else words.fixed(value, 2)
 
 
-def both_ways(scan: Deviation, design: DesignDeviation | None, words: Words = ENGLISH) -> Table:
-    """Deviation statistics in both directions: over the scan's vertices, and over the design's."""
+def both_ways(
+    scan: Deviation, design: DesignDeviation | None, words: Words = ENGLISH, *, is_cloud: bool = False
+) -> Table:
+    """Deviation statistics in both directions: over the scan's vertices, and over the design's. is_cloud : of
+    a scan without triangles
+    """
 
     def both(low: float, high: float) -> str:
         return f"{words.signed(low)} {words('to')} {words.signed(high)} mm"
@@ -108,6 +116,8 @@ def both_ways(scan: Deviation, design: DesignDeviation | None, words: Words = EN
         rows.insert(0, (words("share of the design that is counted"), "", words.percent(design.seen)))
     columns = ("", words("scan to design"), words("design to scan"))
     note = words("From the design to the scan it shows what is missing: a broken piece, or a filled hole.")
+    if is_cloud:
+        note += " " + words(TO_POINTS)
     return Table(words("Deviation in both directions"), columns, rows, frozenset(columns[1:]), note)
 
 

@@ -190,3 +190,14 @@ def test_the_head_names_the_part_the_files_the_job_and_the_date() -> None:
     ]
     assert ("Datum", "27.11.2026 20:03 UTC") in identity(None, header, Words("de"))
     assert identity(None, ReportHeader()) == []
+
+
+def test_of_a_cloud_the_way_back_includes_the_spacing_of_its_points() -> None:
+    result = example()
+    assert result.deviation is not None
+    notes = [
+        tables.both_ways(result.deviation, result.deviation_of_design, is_cloud=is_cloud).note
+        for is_cloud in (False, True)
+    ]
+    assert "spacing of the points" not in notes[0]
+    assert notes[1] == f"{notes[0]} {tables.TO_POINTS}"

@@ -29,6 +29,7 @@ BY_NAME = {
     *(note for _, note in tables.PROBABILITIES),
     *(of.replace("_", " ") for of, _ in tables.PROBABILITIES),
     tables.NOT_GIVEN,
+    tables.TO_POINTS,
     *sections.MEANINGS.values(),
     *deviation_histogram.AXIS_LABELS.values(),
     SEGMENTS_NOTE,
