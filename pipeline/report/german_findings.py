@@ -4,7 +4,7 @@ GERMAN_FINDINGS: dict[str, str] = {
     # findings
     "{share:.0%} of the scan lies within {distance:.3g} mm of the design; at least {required:.0%} is "
     "required": (
-        "{share} des Scans liegen innerhalb von {distance} mm am Soll; mindestens {required} sind nötig"
+        "{share} des Scans liegen höchstens {distance} mm vom Soll entfernt; mindestens {required} sind nötig"
     ),
     "the scan covers {share:.1%} of the design; at least {required:.0%} is required": (
         "der Scan deckt {share} des Solls ab; mindestens {required} sind nötig"
@@ -154,6 +154,9 @@ GERMAN_FINDINGS: dict[str, str] = {
     "a motion stays free with {count} matched landmarks: {motion}": (
         "mit {count} zugeordneten Landmarken bleibt eine Bewegung frei: {motion}"
     ),
+    "the translation along {axis}": "die Verschiebung entlang {axis}",
+    "the {motion} the axis {axis} through {place} mm": "die {motion} die Achse {axis} durch {place} mm",
+    "every motion": "jede Bewegung",
     "{check}: not measured, the scan does not show it": (
         "{check}: nicht gemessen, der Scan zeigt die Stelle nicht"
     ),

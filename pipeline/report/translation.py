@@ -45,7 +45,8 @@ class Translation:
         prefix, colon, last = text.rpartition(": ")
         if colon and last in self._catalogue:  # a kind of check after the name of its region
             return f"{prefix}: {self._catalogue[last]}"
-        return self(text) or text
+        parts = [self(part) for part in text.split("; ")]
+        return "; ".join(part for part in parts if part) if all(parts) else text
 
 
 def _pattern(template: str) -> tuple[re.Pattern[str], int]:

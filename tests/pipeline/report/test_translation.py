@@ -11,6 +11,7 @@ import pytest
 import pipeline
 from pipeline.core.results.inspection import Check, CheckKind
 from pipeline.core.sentences import place, sentence
+from pipeline.core.small_motions import SmallMotion
 from pipeline.inspection.inspect import words as reason
 from pipeline.report.german_findings import GERMAN_FINDINGS
 from pipeline.report.german_notes import GERMAN_NOTES
@@ -26,6 +27,7 @@ CALLS = {"Finding": "detail", "AlignmentFailed": ""}
 #: Words at the places of sentences, and names that the report shows beside figures.
 PLAIN = {
     *(*MOTIONS.values(), *SOURCES.values(), *UNIT_FACTORS.values(), *DETAILS.values(), *get_args(CheckKind)),
+    "every motion",
     *("longer", "shorter", "larger", "smaller", "above", "below"),
     *(name.replace("_", " ") for name in DETAILS),
 }
@@ -106,6 +108,22 @@ def test_values_follow_the_language() -> None:
     assert GERMAN.sentence(
         sentence("the alignment is {status}, so the part cannot be judged", status="no match")
     ) == ("das Urteil über die Ausrichtung ist „passt nicht“; das Teil kann daher nicht bewertet werden")
+
+
+def test_a_list_of_sentences_is_translated_one_by_one() -> None:
+    motions = [
+        SmallMotion("translation", (0, 0, 1), (0, 0, 0)),
+        SmallMotion("rotation", (1, 0, 0), (20, 0, 0.5)),
+    ]
+    why = sentence(
+        "a motion stays free with {count} matched landmarks: {motion}",
+        count=2,
+        motion="; ".join(map(str, motions)),
+    )
+    assert GERMAN.sentence(why) == (
+        "mit 2 zugeordneten Landmarken bleibt eine Bewegung frei: die Verschiebung entlang (0; 0; 1); "
+        "die Drehung um die Achse (1; 0; 0) durch (20; 0; 0,5) mm"
+    )
 
 
 def test_figures_have_one_style() -> None:
