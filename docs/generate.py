@@ -98,6 +98,11 @@ def settings_page() -> str:
     return SETTINGS_HEAD + "\n".join(rows) + "\n" + METHOD_HEAD + "\n".join(sections) + "\n"
 
 
+def _first_paragraph(record: type) -> str:
+    """Of its docstring, on one line."""
+    return " ".join((record.__doc__ or "").strip().split("\n\n")[0].split())
+
+
 def section_of_settings(path: str, section: BaseModel, paper: BaseModel) -> list[str]:
     """Heading and table of one section; nested sections follow with tables of their own."""
     lines, nested = [], []
@@ -124,7 +129,7 @@ def fields_of_results() -> str:
         ("Study", StudyResult),
         ("Segments", SegmentsResult),
     ):
-        parts.append(f"### {title} result\n\n{(model.__doc__ or '').strip().splitlines()[0]}\n")
+        parts.append(f"### {title} result\n\n{_first_paragraph(model)}\n")
         parts.append("| field | type | meaning |\n|---|---|---|")
         parts.append("\n".join(_rows(model, "", described)) + "\n")
     return "\n".join(parts)
@@ -146,9 +151,7 @@ def _rows(model: type[BaseModel], prefix: str, described: dict[type[BaseModel], 
             described[record] = below
             if len(records) > 1:  # a union: the word that tells the records apart
                 kind = record.model_fields["kind"].default
-                yield row(
-                    f"`{below}` of kind `{kind}`", "object", (record.__doc__ or "").strip().split("\n")[0]
-                )
+                yield row(f"`{below}` of kind `{kind}`", "object", _first_paragraph(record))
             yield from _rows(record, f"{below}.", described)
 
 

@@ -74,7 +74,7 @@ class BoxRegion(OptionPart):
     @model_validator(mode="after")
     def _has_volume(self) -> Self:
         if any(low >= high for low, high in zip(self.min_mm, self.max_mm, strict=True)):
-            raise ValueError("each of min_mm must be below that of max_mm")
+            raise ValueError("each value of min_mm must be below that of max_mm")
         return self
 
 

@@ -91,7 +91,7 @@ class PartNotFound(PipelineError):
 class ColumnsUnfit(PipelineError):
     code = "columns_unfit"
     default_remedy = (
-        "name the columns as they are in options.columns, such as id,x,y,z, or leave the option out"
+        "state the columns of the file in options.columns, such as id,x,y,z, or leave the option out"
     )
 
 
@@ -138,9 +138,7 @@ class TooFewLandmarks(PipelineError):
 class UnknownRegion(PipelineError):
     stage = Stage.INSPECTION
     code = "unknown_region"
-    default_remedy = (
-        "use a number of a segment or triangle that the design has, in options.acceptance.regions"
-    )
+    default_remedy = "name segments, triangles or faces that the design has in options.acceptance.regions"
 
 
 class PointOffSurface(PipelineError):

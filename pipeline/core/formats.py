@@ -123,7 +123,7 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         _refuse(foreign_file(head, text, suffix), mesh)
     if len(head) == HEAD_BYTES and not any(head):
         raise UnreadableFile(
-            f"the first {HEAD_BYTES} bytes are all zero, as where a copy or download failed",
+            f"the first {HEAD_BYTES} bytes are all zero, as after a failed copy or download",
             mesh=mesh,
             remedy="copy or download the file again",
         )

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from pipeline.core.sentences import sentence
+
 Vector = Sequence[float]
 #: Share of its displacement (RMS over the points) that a motion must change the measured distances by, to
 #: count as determined. Chosen by hand: below 1 % the points would have to be made a hundred times as well as
@@ -30,10 +32,12 @@ class SmallMotion:
     def __str__(self) -> str:
         along = f"({', '.join(f'{value:.3g}' for value in self.axis)})"
         if self.kind == "translation":
-            return f"the translation along {along}"
-        through = f"({', '.join(f'{value:.3g}' for value in self.point_mm)}) mm"
+            return sentence("the translation along {axis}", axis=along)
+        through = f"({', '.join(f'{value:.3g}' for value in self.point_mm)})"
         what = "rotation about" if self.kind == "rotation" else "screw motion about"
-        return f"the {what} the axis {along} through {through}"
+        return sentence(
+            "the {motion} the axis {axis} through {place} mm", motion=what, axis=along, place=through
+        )
 
 
 def free_motions(positions: Sequence[Vector], directions: Sequence[Vector]) -> list[SmallMotion]:

@@ -9,6 +9,7 @@ from pipeline.core.alignment import LandmarksFit, RpsFit, RpsPoint
 from pipeline.core.errors import PointOffSurface
 from pipeline.core.mesh import FloatArray, IndexArray
 from pipeline.core.results import AlignedPoint
+from pipeline.core.sentences import sentence
 from pipeline.core.small_motions import free_motions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
 from pipeline.inspection.patches import Value, median_of
@@ -61,7 +62,7 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
         points = _records(sites, before, residual, found)
         if unseen := [each.name for each in points if each.value_mm is None]:
             names = ", ".join(repr(name) for name in unseen)
-            raise AlignmentFailed(f"the scan does not show {names}", points)
+            raise AlignmentFailed(sentence("the scan does not show {names}", names=names), points)
         made = step(places, along, residual, np.ones(len(sites)), AllowedMotions(None, centre))
         if rigid.rms_displacement(made.motion, np.eye(4), places) < LAST_STEP_MM:
             errors = np.array([0.0 if each is None else each.error_mm or 0.0 for each in found])
@@ -69,7 +70,7 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
             return Found(T, _rms(residual), _rms(before), number, centre, made.free, points, pose_error)
         share = 1.0 if number <= FREE_STEPS else LATER_SHARE
         T = rigid.orthonormal(rigid.share_of(made.motion, centre, share) @ T)
-    raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps", points)
+    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS), points)
 
 
 def _site(point: RpsPoint, placed: Placed) -> _Site:
@@ -179,7 +180,11 @@ def fit_landmarks(placed: Placed, alignment: LandmarksFit, landmarks: Landmarks)
     free = free_motions(np.repeat(design, 3, axis=0).tolist(), axes) if names else []
     if free or len(names) < 3:
         still = "; ".join(str(motion) for motion in free) or "every motion"
-        raise AlignmentFailed(f"{len(names)} matched landmarks leave a motion free: {still}")
+        raise AlignmentFailed(
+            sentence(
+                "a motion stays free with {count} matched landmarks: {motion}", count=len(names), motion=still
+            )
+        )
     T = rigid.fit(scan, design)
     before, after = (np.linalg.norm(rigid.transformed(each, scan) - design, axis=1) for each in (T_best, T))
     points = tuple(

@@ -5,6 +5,7 @@ import numpy as np
 from pipeline.core.acceptance import Acceptance, Limits, Region
 from pipeline.core.alignment import BestFit, ConstrainedFit, ToleranceFit
 from pipeline.core.mesh import BoolArray, FloatArray
+from pipeline.core.sentences import sentence
 from pipeline.inspection import regions
 from pipeline.inspection.alignment_types import AlignmentFailed, Found, Placed
 from pipeline.inspection.pose_error import of_surface_fit, patch_edge_mm
@@ -41,7 +42,7 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
         closest = placed.surface.closest(moved)
         inside = closest.distance <= placed.inlier_mm
         if inside.sum() < MIN_VERTICES:
-            raise AlignmentFailed("the scan shows too little of what is fitted")
+            raise AlignmentFailed(sentence("the scan shows too little of what is fitted"))
         residual = np.einsum("kd,kd->k", moved - closest.point, closest.normal)
         rms_of.append(_rms(residual, w * inside))
         motions = _allowed(alignment, T, placed.start.T_design_scan, moved, w * inside)
@@ -53,7 +54,7 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
             )
             return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free, pose_error=pose_error)
         T = rigid.orthonormal(made.motion @ T)
-    raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps")
+    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS))
 
 
 def fit_tolerances(
@@ -81,7 +82,7 @@ def fit_tolerances(
         if is_last or (rms_of[-1] > 0 and _stalls(rms_of)):
             return Found(T, rms_of[-1], rms_of[0], number, np.zeros(3))
         T = rigid.orthonormal(motion @ T)
-    raise AlignmentFailed(f"it did not converge in {MAX_STEPS} steps")
+    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS))
 
 
 def _into_limits(
@@ -181,7 +182,7 @@ def _chosen(placed: Placed, weights: FloatArray) -> FloatArray:
     """(k,) vertices that are fitted."""
     near = np.flatnonzero((weights > 0) & _inliers(placed))
     if len(near) < MIN_VERTICES:
-        raise AlignmentFailed("the scan shows too little of what is fitted")
+        raise AlignmentFailed(sentence("the scan shows too little of what is fitted"))
     return np.asarray(near[:: -(-len(near) // MAX_VERTICES)])
 
 

@@ -17,6 +17,7 @@ from pipeline.core.alignment import (
 from pipeline.core.job_parameters import JobParameters
 from pipeline.core.mesh import FloatArray
 from pipeline.core.results import AlignedPoint, AppliedAlignment, FreeAlignmentMotion
+from pipeline.core.sentences import sentence
 from pipeline.core.small_motions import named
 from pipeline.inspection.aligned_points import Landmarks, fit_landmarks, fit_reference_points
 from pipeline.inspection.aligned_surface import fit_surface, fit_tolerances
@@ -80,7 +81,11 @@ def align(registered: RegisteredScan, design: DesignModel, job: JobParameters) -
         moved_mm = rigid.rms_displacement(found.T_design_scan, T_best, scan.vertices)
         if moved_mm > MAX_MOVE_SHARE * design.diagonal_mm:
             raise AlignmentFailed(
-                f"it would move the part by {moved_mm:.3g} mm, to another pose than the one that was judged"
+                sentence(
+                    "it would move the part by {distance:.3g} mm, to another pose than the one that was "
+                    "judged",
+                    distance=moved_mm,
+                )
             )
     except AlignmentFailed as failed:
         return Aligned(registration, _record(job.alignment, placed, None, failed), None)

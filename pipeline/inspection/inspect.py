@@ -8,6 +8,7 @@ from pipeline.analysis.design_model import DesignModel
 from pipeline.core.acceptance import Acceptance
 from pipeline.core.results import Verdict
 from pipeline.core.results.inspection import Check, Decision, Inspection
+from pipeline.core.sentences import place, sentence
 from pipeline.inspection.checks import Part, checks_of
 from pipeline.inspection.extremes import extremes
 from pipeline.inspection.limits_check import rule
@@ -25,7 +26,7 @@ SHAPE_DIFFERENCES = frozenset({"missing_material", "local_difference"})
 OTHER_DOUBTS = frozenset(
     {"high_residual", "flat_scan", "accuracy_unknown", "accuracy_too_coarse", "scan_more"}
 )
-NO_LIMITS = "no limits were given; send options.acceptance"
+NO_LIMITS = sentence("no limits to accept the part by were given; state them in options.acceptance")
 
 
 def inspect(
@@ -93,12 +94,14 @@ def decide(
 ) -> tuple[Decision, list[str]]:
     """The decision and why, for people. Under another alignment than the one asked for nothing is judged."""
     if alignment_problem is not None:
-        return "not_judged", [f"the alignment was not applied: {alignment_problem}"]
+        return "not_judged", [sentence("the alignment was not applied: {why}", why=alignment_problem)]
     reasons = [words(check) for check in checks if check.passed is not True]
     if acceptance is not None and pose_is_sure(verdict) and any(check.passed is False for check in checks):
         return "fail", reasons
     if verdict.status != "ok":
-        why = f"the alignment is {verdict.status.replace('_', ' ')}, so the part cannot be judged"
+        why = sentence(
+            "the alignment is {status}, so the part cannot be judged", status=verdict.status.replace("_", " ")
+        )
         return "not_judged", [why, *reasons]
     if acceptance is None or not checks:
         return "not_judged", [NO_LIMITS]
@@ -123,18 +126,26 @@ def pose_is_sure(verdict: Verdict) -> bool:
 def words(check: Check) -> str:
     """Why a check did not pass."""
     if check.value is None:
-        return f"{check.name}: not measured, the scan does not show it"
+        return sentence("{check}: not measured, the scan does not show it", check=check.name)
     limit = check.upper if check.upper is not None and check.value > _middle(check) else check.lower
     side = "above" if limit == check.upper else "below"
-    value, bound = _shown(check.value, check.unit), _shown(limit, check.unit)
+    found = {
+        "check": check.name,
+        "value": _shown(check.value, check.unit),
+        "limit": _shown(limit, check.unit),
+    }
     if check.passed is None:
-        return f"{check.name}: {value} is too near its limit of {bound} for the stated uncertainty"
-    where = (
-        ""
-        if check.position_mm is None
-        else " at (" + ", ".join(f"{axis:.2f}" for axis in check.position_mm) + ") mm"
+        return sentence(
+            "{check}: {value} is too near its limit of {limit} for the stated uncertainty", **found
+        )
+    if check.position_mm is None:
+        return sentence("{check}: {value} is {side} its limit of {limit}", side=side, **found)
+    return sentence(
+        "{check}: {value} is {side} its limit of {limit} at {place} mm",
+        side=side,
+        place=place(check.position_mm),
+        **found,
     )
-    return f"{check.name}: {value} is {side} its limit of {bound}{where}"
 
 
 def _middle(check: Check) -> float:
@@ -147,4 +158,4 @@ def _middle(check: Check) -> float:
 def _shown(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
-    return f"{100 * value:.1f} %" if unit == "1" else f"{value:.3f} mm"
+    return sentence("{value:.1%}", value=value) if unit == "1" else sentence("{value:.3f} mm", value=value)

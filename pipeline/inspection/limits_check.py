@@ -1,6 +1,7 @@
 """A value against its limits: the decision rule."""
 
 from pipeline.core.acceptance import Acceptance
+from pipeline.core.sentences import sentence
 
 
 def passes(
@@ -24,9 +25,10 @@ def passes(
 def rule(acceptance: Acceptance) -> str:
     """The decision rule in words, for results and reports."""
     if acceptance.uncertainty_mm is None:
-        return "simple acceptance: a value on or between its limits passes"
-    return (
-        f"ISO 14253-1 with an expanded uncertainty (k = 2) of {acceptance.uncertainty_mm:g} mm: lengths pass "
-        "within their limits by more than that, fail outside by more than that, and are not judged between; "
-        "shares by simple acceptance"
+        return sentence("simple acceptance: a value on or between its limits passes")
+    return sentence(
+        "ISO 14253-1 with an expanded uncertainty (k = 2) of {uncertainty:g} mm: a length passes if it is "
+        "within its limits by at least that, fails if it is outside by more than that, and is not judged "
+        "between; shares by simple acceptance",
+        uncertainty=acceptance.uncertainty_mm,
     )

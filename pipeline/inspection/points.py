@@ -45,7 +45,9 @@ def measured_point(
     on = design if point.normal is None else facing(design, np.array(point.normal))
     if on is None:
         raise PointOffSurface(
-            f"no surface of the design faces as the normal of inspection point {point.name!r}", mesh="design"
+            "no surface of the design faces in the direction of the normal of inspection point "
+            f"{point.name!r}",
+            mesh="design",
         )
     closest = on.closest(position)
     if closest.distance[0] > point.radius_mm:

@@ -80,7 +80,7 @@ def write_registration(
         views = registration_views(
             result, design.analysis, design_display, scan, scan_display, deviations, words
         )
-        text = page.registration(result, views, out, header, words)
+        text = page.registration(result, views, out, header, words, summary=settings.report.summary)
         artifacts += Artifacts(tuple(files)) + _write_page(out, text, settings.report)
     if result.transform is not None and settings.report.three_mf:
         artifacts += _write_three_mf(out, scan_display.full, deviations, scale)

@@ -48,24 +48,24 @@ GERMAN: dict[str, str] = {
     "The scan is aligned, and no other pose fits as well.": (
         "Der Scan ist ausgerichtet, und keine andere Lage passt ebenso gut."
     ),
-    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them "
-    "is right. No other pose does.": (
+    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. "
+    "No other pose fits as well.": (
         "Der Scan ist ausgerichtet. Das Soll ist symmetrisch: Seine gleichwertigen Lagen passen ebenso "
         "gut, und jede davon ist richtig. Keine andere Lage passt so gut."
     ),
-    "The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on it: "
+    "The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: "
     "see the findings.": (
-        "Der Scan ist ausgerichtet, und diese Lage passt deutlich am besten. Die Belege reichen nicht "
-        "aus, um sich darauf zu verlassen: siehe die Befunde."
+        "Der Scan ist ausgerichtet, und diese Lage passt deutlich am besten, aber die Belege bestätigen "
+        "sie nicht: siehe die Befunde."
     ),
     "Several poses fit equally well, and the scan does not show which is right. Check the pose "
     "before you use it.": (
         "Mehrere Lagen passen gleich gut, und der Scan zeigt nicht, welche richtig ist. Die Lage ist "
         "vor der Verwendung zu prüfen."
     ),
-    "The part can slide or turn along its own surface without a worse fit: the pose is not unique.": (
-        "Das Teil kann entlang seiner eigenen Oberfläche gleiten oder sich drehen, ohne schlechter zu "
-        "passen: Die Lage ist nicht eindeutig."
+    "The scan can slide or turn along the design without fitting worse: the pose is not unique.": (
+        "Der Scan kann auf dem Soll gleiten oder sich drehen, ohne schlechter zu passen: Die Lage ist "
+        "nicht eindeutig."
     ),
     "The scan fits only in another unit of length. Send it again with the right unit.": (
         "Der Scan passt nur in einer anderen Längeneinheit. Er ist mit der richtigen Einheit erneut zu "
@@ -93,7 +93,7 @@ GERMAN: dict[str, str] = {
     "weight": "Gewicht",
     "contribution": "Beitrag",
     "what it measures": "was er misst",
-    "neither": "weder noch",
+    "neutral": "neutral",
     "for": "dafür",
     "against": "dagegen",
     "same part": "dasselbe Teil",
@@ -123,15 +123,15 @@ GERMAN: dict[str, str] = {
     "standard error, mm": "Standardfehler, mm",
     "area, mm²": "Fläche, mm²",
     "segment": "Segment",
-    "The area deviates by at least half as much.": "Die Fläche weicht um mindestens die Hälfte ab.",
+    "Area: the surface around it that deviates by at least half of this.": (
+        "Fläche: die Umgebung, die um mindestens die Hälfte davon abweicht."
+    ),
     "Medians over patches of {size} mm diameter; min and max are single vertices.": (
         "Mediane über Flecken von {size} mm Durchmesser; min und max sind einzelne Punkte."
     ),
     # pictures
     "Deviation of the scan from the design": "Abweichung des Scans vom Soll",
-    "Not a measurement: the best pose that was tried, and rejected": (
-        "Keine Messung: die beste versuchte Lage, die verworfen wurde"
-    ),
+    "Not a measurement: the best of the rejected poses": ("Keine Messung: die beste der verworfenen Lagen"),
     "Where the scan lies off the design here may tell why the two do not fit.": (
         "Wo der Scan hier neben dem Soll liegt, kann zeigen, warum beide nicht passen."
     ),
@@ -181,6 +181,11 @@ GERMAN: dict[str, str] = {
     "From the design to the scan it shows what is missing: a broken piece, or a filled hole.": (
         "Vom Soll zum Scan zeigt sie, was fehlt: ein abgebrochenes Stück oder ein gefülltes Loch."
     ),
+    "The scan is a point cloud: from the design the distance is to the nearest point, so it includes the "
+    "spacing of the points.": (
+        "Der Scan ist eine Punktwolke: Vom Soll aus ist es der Abstand zum nächsten Punkt; er enthält daher "
+        "den Abstand der Punkte voneinander."
+    ),
     "share of the design that is counted": "Anteil des Solls, der gezählt ist",
     "vertices counted": "gezählte Punkte",
     "mean (SD)": "Mittelwert (SD)",
@@ -227,9 +232,11 @@ GERMAN: dict[str, str] = {
     "K, the ratio of the two": "K, das Verhältnis der beiden",
     "RMSE of the final pose": "RMSE der endgültigen Lage",
     "inlier distance": "Inlier-Abstand",
-    "share of the scan within it": "Anteil des Scans innerhalb",
-    "the same, not at open borders": "dasselbe, nicht an offenen Rändern",
-    "share of the design within it of the scan": "Anteil des Solls innerhalb, vom Scan aus",
+    "share of the scan within the inlier distance": "Anteil des Scans innerhalb des Inlier-Abstands",
+    "the same, without open borders of the design": "dasselbe, ohne offene Ränder des Solls",
+    "share of the design within the inlier distance of the scan": (
+        "Anteil des Solls innerhalb des Inlier-Abstands vom Scan"
+    ),
     "residual deformation": "verbleibende Verformung",
     "noise of the scan (1 sigma, from local surface fits)": (
         "Rauschen des Scans (1 Sigma, aus örtlichen Flächen)"
@@ -242,7 +249,7 @@ GERMAN: dict[str, str] = {
         "RMSE: nach Fläche gewichtet, über alle Punkte des bereinigten Scans, ohne Ausreißer auszuschließen."
     ),
     "Equivalent poses": "Gleichwertige Lagen",
-    "{count} besides this one, by symmetry of the design: each is as right.": (
+    "{count} besides this one, by symmetry of the design: each is equally correct.": (
         "{count} außer dieser, durch die Symmetrie des Solls: Jede ist ebenso richtig."
     ),
     "Rejected poses": "Verworfene Lagen",

@@ -14,6 +14,7 @@ DECISIONS: dict[Decision, tuple[str, str]] = {
     "fail": ("fail", "bad"),
     "not_judged": ("not judged", "warn"),
 }
+AREA = "Area: the surface around it that deviates by at least half of this."
 PASSED = {True: "passed", False: "failed", None: "not judged"}
 
 
@@ -28,8 +29,7 @@ def decision_box(inspection: Inspection | None, words: Words = ENGLISH) -> dict[
         "words": words(said),
         "mood": mood,
         "counts": words("{passed} of {count} checks passed", passed=passed, count=count) if count else "",
-        "reasons": inspection.reasons,
-        "rule": inspection.rule,
+        "reasons": [words.sentence(each) for each in inspection.reasons],
     }
 
 
@@ -39,13 +39,14 @@ def check_tables(inspection: Inspection | None, words: Words = ENGLISH) -> list[
         return []
     numbers = (words("value"), words("standard error"), words("lower limit"), words("upper limit"))
     columns = (words("check"), *numbers, words("result"), words("at x, y, z (design), mm"))
+    rule = words.sentence(inspection.rule or "-")
     return [
         Table(
             words("Checks"),
             columns,
             [_check_row(check, words) for check in inspection.checks],
             frozenset(numbers),
-            f"{_patch(inspection, words)} {words('Decision rule')}: {words(inspection.rule or '-')}.",
+            f"{_patch(inspection, words)} {words('Decision rule')}: {rule}.",
         )
     ]
 
@@ -70,7 +71,7 @@ def extreme_tables(inspection: Inspection | None, words: Words = ENGLISH) -> lis
                 for each in inspection.extremes
             ],
             frozenset(numbers),
-            f"{_patch(inspection, words)} {words('The area deviates by at least half as much.')}",
+            f"{_patch(inspection, words)} {words(AREA)}",
         )
     ]
 
@@ -100,6 +101,13 @@ def identity(
     return rows
 
 
+def _name(check: Check, words: Words) -> str:
+    """Of a point or distance as given; else the kind, after the name of its region."""
+    if check.kind in ("point", "distance"):
+        return check.name
+    return words(check.kind) if check.region is None else f"{check.region}: {words(check.kind)}"
+
+
 def _check_row(check: Check, words: Words) -> tuple[str, ...]:
     def shown(value: float | None) -> str:
         if value is None:
@@ -109,6 +117,6 @@ def _check_row(check: Check, words: Words) -> tuple[str, ...]:
     error = words.millimetres(check.uncertainty) if check.unit == "mm" else words.percent(check.uncertainty)
     place = "-" if check.position_mm is None else words.point(check.position_mm)
     return (
-        *(words(check.name), shown(check.value), error, shown(check.lower), shown(check.upper)),
+        *(_name(check, words), shown(check.value), error, shown(check.lower), shown(check.upper)),
         *(words(PASSED[check.passed]), place),
     )

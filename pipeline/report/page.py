@@ -37,15 +37,15 @@ NO_HEADER = ReportHeader()
 MEANING = {
     "ok": "The scan is aligned, and no other pose fits as well.",
     "uncertain": (
-        "The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on "
-        "it: see the findings."
+        "The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: "
+        "see the findings."
     ),
     "ambiguous": (
         "Several poses fit equally well, and the scan does not show which is right. Check the pose "
         "before you use it."
     ),
     "under_constrained": (
-        "The part can slide or turn along its own surface without a worse fit: the pose is not unique."
+        "The scan can slide or turn along the design without fitting worse: the pose is not unique."
     ),
     "units_suspect": "The scan fits only in another unit of length. Send it again with the right unit.",
     "mirrored": (
@@ -59,8 +59,8 @@ MEANING = {
 }
 #: Instead of `ok`, of a design that is its own image.
 MEANING_SYMMETRIC = (
-    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them "
-    "is right. No other pose does."
+    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. "
+    "No other pose fits as well."
 )
 #: Statuses without a pose, and findings that are about the best pose that was tried, not about the reason.
 WITHOUT_POSE = frozenset({"mirrored", "no_match"})
@@ -85,17 +85,39 @@ def registration(
     out: Path,
     header: ReportHeader = NO_HEADER,
     words: Words = ENGLISH,
+    *,
+    summary: bool = False,
 ) -> str:
-    """The page of a registration; the drawings are read from `out`."""
-    deviation, has_pose = result.deviation, result.transform is not None
+    """The page of a registration; the drawings are read from `out`. summary : the first page only"""
     sections: list[Section] = [*check_tables(result.inspection, words)]
     sections += [] if views.placed is None else [views.placed]
-    if deviation is not None:
+    if result.deviation is not None:
         sections += _drawings(out, words("Histogram of the deviation"), ("deviation_histogram.svg",))
+    sections += [] if summary else _details(result, views, out, words)
+    return _render(
+        *(words("Inspection report"), sections, result.warnings),
+        inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
+        made_by=result.provenance,
+        subtitle=words("Scan of a printed part, registered to its design"),
+        verdict=result.verdict,
+        decision=decision_box(result.inspection, words),
+        tiles=_key_figures(result, words),
+        facts=identity(result.reference, header, words),
+        header=header,
+        words=words,
+        summary=summary,
+    )
+
+
+def _details(result: RegistrationResult, views: PageViews, out: Path, words: Words) -> list[Section]:
+    """What follows the first page: sections and tables, then how it was found."""
+    deviation, has_pose = result.deviation, result.transform is not None
+    sections: list[Section] = []
     sections += [] if views.sections is None else [views.sections]
     sections += extreme_tables(result.inspection, words)
     if deviation is not None:
-        sections += [tables.both_ways(deviation, result.deviation_of_design, words)]
+        is_cloud = any(note.code == "point_cloud" for note in result.warnings)
+        sections += [tables.both_ways(deviation, result.deviation_of_design, words, is_cloud=is_cloud)]
         sections += tables.by_segment(deviation.by_segment, words)
     matched = f", {words('{count} matched', count=len(result.landmarks.matches))}" if has_pose else ""
     note = words(
@@ -110,18 +132,7 @@ def registration(
     sections += [views.parts]
     graphs = ("design.decision_graph.svg", "scan.decision_graph.svg")
     sections += _drawings(out, words("Decision graphs"), graphs)
-    return _render(
-        *(words("Inspection report"), sections, result.warnings),
-        inputs={"scan": result.provenance.inputs.scan, "design": result.provenance.inputs.design},
-        made_by=result.provenance,
-        subtitle=words("Scan of a printed part, registered to its design"),
-        verdict=result.verdict,
-        decision=decision_box(result.inspection, words),
-        tiles=_key_figures(result, words),
-        facts=identity(result.reference, header, words),
-        header=header,
-        words=words,
-    )
+    return sections
 
 
 def landmarks(
@@ -223,14 +234,14 @@ def _verdict(verdict: Verdict, words: Words) -> dict[str, object]:
         "sentence": words(meaning),
         # Without a pose the reason comes first; what is said of the rejected pose is not the reason.
         "findings": _findings(
-            [each for each in verdict.findings if not folded or each.code not in ABOUT_POSE]
+            [each for each in verdict.findings if not folded or each.code not in ABOUT_POSE], words
         ),
-        "about": _findings([each for each in verdict.findings if folded and each.code in ABOUT_POSE]),
+        "about": _findings([each for each in verdict.findings if folded and each.code in ABOUT_POSE], words),
     }
 
 
-def _findings(findings: Sequence[Finding]) -> list[tuple[str, str]]:
-    return [(each.code, each.detail.replace("mm^2", "mm²")) for each in findings]
+def _findings(findings: Sequence[Finding], words: Words) -> list[tuple[str, str]]:
+    return [(each.code, words.sentence(each.detail)) for each in findings]
 
 
 def _confidence(value: float | None, words: Words) -> str:
@@ -276,6 +287,7 @@ def _render(
     facts: Sequence[tuple[str, str]] = (),
     header: ReportHeader = NO_HEADER,
     words: Words = ENGLISH,
+    summary: bool = False,
 ) -> str:
     """The HTML. inputs : by name; the footer of each printed page gives the first digits of their hashes"""
     files = ", ".join(f"{words(name)} {file.sha256[:HASH_DIGITS]}" for name, file in inputs.items())
@@ -292,8 +304,9 @@ def _render(
         facts=facts,
         company=header.company,
         logo=logo,
-        warnings=warnings,
-        sections=[*sections, tables.provenance(inputs, made_by, words)],
+        warnings=[(note.code, words.note(note.code, note.detail)) for note in warnings],
+        sections=sections if summary else [*sections, tables.provenance(inputs, made_by, words)],
+        summary=summary,
         foot=f"{files}; Cusp {made_by.version}",
         words=words,
         zip=zip,

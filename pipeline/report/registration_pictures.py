@@ -121,7 +121,7 @@ def _deviation_pictures(
         if not result.alternatives:
             return None
         display = display.moved(np.array(result.alternatives[0].matrix))
-        title = words("Not a measurement: the best pose that was tried, and rejected")
+        title = words("Not a measurement: the best of the rejected poses")
         note = words("Where the scan lies off the design here may tell why the two do not fit.")
     if deviations.summary is None:
         return None

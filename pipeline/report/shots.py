@@ -17,7 +17,7 @@ PICTURE_PX, SMALL_PX = (520, 380), (364, 266)
 #: Strip below the part for the scale bar, pixels.
 FOOT_PX = 30
 #: Longest scale bar, and height of a label and its letters, pixels. Chosen by hand.
-BAR_PX, LINE_PX, LETTER_PX = 130.0, 22.0, 7.4
+BAR_PX, LINE_PX, LETTER_PX = 130.0, 28.0, 9.8
 #: A pin is hidden where a surface lies in front of it by more than this share of the width of the picture.
 HIDDEN_SHARE = 0.01
 

@@ -54,6 +54,10 @@ PROBABILITIES = (
     ("pose", "probability that the pose is right, if it is"),
 )
 NOT_GIVEN = "not given"
+TO_POINTS = (
+    "The scan is a point cloud: from the design the distance is to the nearest point, so it includes the "
+    "spacing of the points."
+)
 
 
 def evidence(verdict: Verdict, words: Words = ENGLISH) -> list[Table]:
@@ -77,9 +81,9 @@ def evidence(verdict: Verdict, words: Words = ENGLISH) -> list[Table]:
 def _evidence_row(each: Evidence, words: Words) -> tuple[str, ...]:
     amount = words.signed(each.contribution, 2)
     is_zero = abs(each.contribution) < 0.005
-    side = words("neither") if is_zero else words("for") if each.contribution > 0 else words("against")
-    name = each.name.replace("_", " ")
-    return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", each.detail)
+    side = words("neutral") if is_zero else words("for") if each.contribution > 0 else words("against")
+    name, detail = words(each.name.replace("_", " ")), words(each.detail)
+    return (name, words.fixed(each.value, 2), words.fixed(each.weight, 2), f"{side} {amount}", detail)
 
 
 def probability(value: float | None, words: Words = ENGLISH) -> str:
@@ -87,8 +91,12 @@ def probability(value: float | None, words: Words = ENGLISH) -> str:
     return words(NOT_GIVEN) if value is None else words.fixed(value, 2)
 
 
-def both_ways(scan: Deviation, design: DesignDeviation | None, words: Words = ENGLISH) -> Table:
-    """Deviation statistics in both directions: over the scan's vertices, and over the design's."""
+def both_ways(
+    scan: Deviation, design: DesignDeviation | None, words: Words = ENGLISH, *, is_cloud: bool = False
+) -> Table:
+    """Deviation statistics in both directions: over the scan's vertices, and over the design's. is_cloud : of
+    a scan without triangles
+    """
 
     def both(low: float, high: float) -> str:
         return f"{words.signed(low)} {words('to')} {words.signed(high)} mm"
@@ -108,6 +116,8 @@ def both_ways(scan: Deviation, design: DesignDeviation | None, words: Words = EN
         rows.insert(0, (words("share of the design that is counted"), "", words.percent(design.seen)))
     columns = ("", words("scan to design"), words("design to scan"))
     note = words("From the design to the scan it shows what is missing: a broken piece, or a filled hole.")
+    if is_cloud:
+        note += " " + words(TO_POINTS)
     return Table(words("Deviation in both directions"), columns, rows, frozenset(columns[1:]), note)
 
 
@@ -173,9 +183,12 @@ def registration(result: RegistrationResult, words: Words = ENGLISH) -> Table:
         ),
         (words("RMSE of the final pose"), words.millimetres(metrics.rmse_mm)),
         (words("inlier distance"), words.millimetres(metrics.inlier_distance_mm)),
-        (words("share of the scan within it"), words.percent(metrics.fitness)),
-        (words("the same, not at open borders"), words.percent(metrics.scan_overlap)),
-        (words("share of the design within it of the scan"), words.percent(metrics.design_coverage)),
+        (words("share of the scan within the inlier distance"), words.percent(metrics.fitness)),
+        (words("the same, without open borders of the design"), words.percent(metrics.scan_overlap)),
+        (
+            words("share of the design within the inlier distance of the scan"),
+            words.percent(metrics.design_coverage),
+        ),
     ]
     if result.scale is not None:
         rows.append((words("residual deformation"), words.millimetres(result.scale.warp_mm)))
@@ -207,7 +220,7 @@ def alternatives(
     equivalent = sum(each.equivalent_poses for each in poses if each.symmetry_of_design)
     if equivalent:
         text = words(
-            "{count} besides this one, by symmetry of the design: each is as right.", count=equivalent
+            "{count} besides this one, by symmetry of the design: each is equally correct.", count=equivalent
         )
         found.append(Line(words("Equivalent poses"), text))
     if not others:

@@ -5,13 +5,18 @@ As with gettext, the English text is the key. A key without a translation stays 
 
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache
 from typing import Literal
 
 from pipeline.report import numbers
 from pipeline.report.german import GERMAN
+from pipeline.report.german_findings import GERMAN_FINDINGS
+from pipeline.report.german_notes import GERMAN_NOTES
+from pipeline.report.translation import Translation
 
 Language = Literal["en", "de"]
-CATALOGUES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN}
+CATALOGUES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN | GERMAN_FINDINGS}
+NOTES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN_NOTES}
 DATES: dict[Language, str] = {"en": "%Y-%m-%d %H:%M UTC", "de": "%d.%m.%Y %H:%M UTC"}
 
 
@@ -25,6 +30,15 @@ class Words:
         """`text` in the language, with `{name}` replaced by the values."""
         said = CATALOGUES[self.language].get(text, text)
         return said.format(**values) if values else said
+
+    def sentence(self, text: str) -> str:
+        """A sentence with figures, of `pipeline.core.sentences`; a text of another origin stays as it is."""
+        return text if self.language == "en" else translation(self.language)(text) or text
+
+    def note(self, code: str, detail: str) -> str:
+        """A warning: what it means, and the detail, whose figures and names are of the file."""
+        meaning = NOTES[self.language].get(code)
+        return detail if meaning is None else f"{meaning}. [{detail}]"
 
     def local(self, number: str) -> str:
         """A number as `numbers.py` writes it, with the decimal mark of the language."""
@@ -54,6 +68,12 @@ class Words:
     def date(self, iso: str) -> str:
         """A time of ISO 8601 in UTC."""
         return datetime.fromisoformat(iso).strftime(DATES[self.language])
+
+
+@cache
+def translation(language: Language) -> Translation:
+    """Of sentences with figures."""
+    return Translation(CATALOGUES[language], Words(language).local)
 
 
 ENGLISH = Words("en")

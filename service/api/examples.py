@@ -46,9 +46,11 @@ SERVICE_ERRORS: list[ServiceError] = [
     ),
     errors.RateLimited("more than 1000 requests per second; send it again in 1 s"),
     errors.TooManyWatchers(
-        "5000 requests of this tenant wait for jobs; poll without `wait`, or use webhooks"
+        "5000 requests of this tenant are already waiting for jobs; poll without `wait`, or use webhooks"
     ),
-    errors.TenantQueueFull("15000 jobs of this tenant are waiting; send it again when some are finished"),
+    errors.TenantQueueFull(
+        "15000 jobs of this tenant are waiting; send the job again when some have finished"
+    ),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
     errors.MeshNotFetched("scan: https://files.example.com/a.ply answers 403; the address may have expired"),
     errors.PayloadTooLarge(
@@ -72,7 +74,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.BatchNotFound(f"no batch has the id '{JOB_ID}'; see /v1/batches"),
     errors.NoCharacteristics(f"nothing is kept with {BLOB_ID}; PUT it here"),
     errors.PreconditionFailed(
-        f"what is kept with {BLOB_ID} is not what the request expects; get it, and decide again"
+        f"what is kept with {BLOB_ID} is another version than If-Match names; get it, and repeat the change"
     ),
     errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
@@ -89,7 +91,7 @@ SERVICE_ERRORS: list[ServiceError] = [
         "871 MiB are free on the data volume of the service, of which 1024 are kept free; send it again "
         "later, or tell the operator"
     ),
-    errors.QueueFull("20000 jobs are waiting; send it again later"),
+    errors.QueueFull("20000 jobs are waiting; send the job again later"),
     errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
     errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),
     errors.JobCrashed(
@@ -217,6 +219,7 @@ def _job(status: Status) -> Any:
         error=problem.model_dump(exclude_none=True) if problem else None,
         verdict="ok" if status is Status.SUCCESSFUL else None,
         decision="pass" if status is Status.SUCCESSFUL else None,
+        within=0.957 if status is Status.SUCCESSFUL else None,
         options={"reference": {"part_number": "BR-7", "serial": "0042", "batch": "2026-11"}},
     )
     return job_of(row)

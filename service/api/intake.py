@@ -315,10 +315,10 @@ def check_room(api: Api, caller: Caller, key: str | None, size: int = 0, count: 
     if api.jobs.count(Status.ACCEPTED, caller.tenant) + count > api.settings.tenant_queue_limit:
         raise TenantQueueFull(
             f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting; "
-            "send it again when some are finished"
+            "send the job again when some have finished"
         )
     if api.jobs.count(Status.ACCEPTED) + count > api.settings.queue_limit:
-        raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send it again later")
+        raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send the job again later")
 
 
 async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:

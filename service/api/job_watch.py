@@ -128,8 +128,8 @@ class JobWatch:
         """Raise TooManyWatchers if the tenant has as many watchers as it may."""
         if self._by_tenant[tenant] >= self._tenant_limit:
             raise TooManyWatchers(
-                f"{self._tenant_limit} requests of this tenant wait for jobs; poll without `wait`, "
-                "or use webhooks"
+                f"{self._tenant_limit} requests of this tenant are already waiting for jobs; poll without "
+                "`wait`, or use webhooks"
             )
 
     async def close(self) -> None:

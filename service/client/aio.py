@@ -21,7 +21,7 @@ from pipeline import LandmarksResult, RegistrationResult, StudyResult
 from service.client import requests as calls
 from service.client.requests import DEFAULT_SERVER, PATIENCE_S, Call, JobOptions
 from service.client.sync import Mesh, R, Result, _id_of, wait_for
-from service.contract.schemas import Batch, Blob, FileEntry, Job, JobType
+from service.contract.schemas import Batch, Blob, FileEntry, Job, JobForecast, JobType
 
 CHUNK = 1 << 20
 
@@ -148,6 +148,10 @@ class AsyncClient:
     async def job(self, job_id: str) -> Job:
         """The present status of a job."""
         return await self._do(calls.job(job_id))
+
+    async def forecast(self, job_id: str) -> JobForecast:
+        """Elapsed time, place in the queue and an estimate of the time left."""
+        return await self._do(calls.forecast(job_id))
 
     async def results(self, job_id: str) -> dict[str, Any]:
         """results.json. Raises ServiceProblem if the job failed."""

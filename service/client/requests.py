@@ -20,7 +20,17 @@ from tenacity import RetryCallState, retry_if_exception, stop_after_delay, wait_
 
 from pipeline import Unit
 from service.contract.job_types import MESHES
-from service.contract.schemas import Batch, BatchPage, Blob, FileEntry, FileList, Job, JobType, Problem
+from service.contract.schemas import (
+    Batch,
+    BatchPage,
+    Blob,
+    FileEntry,
+    FileList,
+    Job,
+    JobForecast,
+    JobType,
+    Problem,
+)
 
 DEFAULT_SERVER = "http://127.0.0.1:8000"
 CONNECT_TIMEOUT_S = 5.0
@@ -153,6 +163,10 @@ def put_blob(mesh: Path, on_sent: OnSent | None = None) -> Call[Blob]:
 def job(job_id: str, wait_s: int = 0) -> Call[Job]:
     """wait_s : the service answers when the job is final, or after this time"""
     return Call("GET", f"/v1/jobs/{job_id}", _job, headers={"Prefer": f"wait={wait_s}"} if wait_s else {})
+
+
+def forecast(job_id: str) -> Call[JobForecast]:
+    return Call("GET", f"/v1/jobs/{job_id}/forecast", _forecast)
 
 
 def put_characteristics(
@@ -319,6 +333,10 @@ def problem_of(answer: httpx.Response) -> ServiceProblem:
 
 def _job(answer: httpx.Response) -> Job:
     return Job.model_validate_json(answer.content)
+
+
+def _forecast(answer: httpx.Response) -> JobForecast:
+    return JobForecast.model_validate_json(answer.content)
 
 
 def _blob(answer: httpx.Response) -> Blob:

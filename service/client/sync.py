@@ -36,7 +36,7 @@ from service.client.requests import (
     ServiceProblem,
     ServiceUnreachable,
 )
-from service.contract.schemas import Batch, Blob, FileEntry, Job, JobType
+from service.contract.schemas import Batch, Blob, FileEntry, Job, JobForecast, JobType
 
 __all__ = ["Client", "Running", "ServiceProblem", "ServiceUnreachable", "register"]
 
@@ -206,6 +206,10 @@ class Client:
     def job(self, job_id: str) -> Job:
         """The present status of a job."""
         return self._do(calls.job(job_id))
+
+    def forecast(self, job_id: str) -> JobForecast:
+        """Elapsed time, place in the queue and an estimate of the time left."""
+        return self._do(calls.forecast(job_id))
 
     def wait_batch(
         self,

@@ -85,10 +85,17 @@ class Job(Response):
     message: str | None = Field(description="description of the stage")
     label: str | None = Field(description="as sent in `options`")
     verdict: VerdictStatus | None = Field(
-        description="may the pose be trusted, as in the results; null until `successful`, and for other types"
+        description="whether the pose is reliable, as in the results; null until `successful`, and for other "
+        "types"
     )
     decision: Decision | None = Field(
-        description="is the part accepted, as in the results; null until `successful`, and for other types"
+        description="whether the part is accepted, as in the results; null until `successful`, and for other "
+        "types"
+    )
+    within: float | None = Field(
+        None,
+        description="share of the scanned area within the tolerance, 0 to 1, as in the results; null until "
+        "`successful`, without a tolerance or a pose, and for other types",
     )
     reference: Reference | None = Field(description="identity of the part, as sent in `options`")
     batch_id: str | None = Field(None, description="of the batch that it belongs to; null: none")
@@ -104,6 +111,27 @@ class Job(Response):
     def is_final(self) -> bool:
         """True when polling can stop."""
         return self.status.is_final
+
+
+class JobForecast(Response):
+    """How long a job has taken, and how long it will take."""
+
+    elapsed_s: float = Field(
+        ge=0, description="of a waiting job since it was accepted, of another since its attempt started"
+    )
+    place: int | None = Field(
+        ge=1, description="place in the queue, 1 is the next to start; null unless the job is `accepted`"
+    )
+    remaining_s: float | None = Field(
+        ge=0,
+        description="estimate of the time until the job is final: a median, so half of such jobs take "
+        "longer; 0 of a final job; null: no estimate, too few such jobs were seen, or none took so long",
+    )
+    based_on: int = Field(
+        ge=0,
+        description="recent successful jobs of this service that the estimate is from: of the same type, "
+        "preset, settings and study, and of about the same size (bytes of the meshes within a factor of 2)",
+    )
 
 
 class JobPage(Response):

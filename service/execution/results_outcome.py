@@ -1,6 +1,7 @@
-"""The two words of results.json that jobs are listed by."""
+"""What of results.json jobs are listed by: two words and a share."""
 
 import json
+import math
 from pathlib import Path
 from typing import TypedDict
 
@@ -10,6 +11,7 @@ class ResultsOutcome(TypedDict):
 
     verdict: str | None
     decision: str | None
+    within: float | None
 
 
 def outcome_of(results: Path) -> ResultsOutcome:
@@ -21,6 +23,7 @@ def outcome_of(results: Path) -> ResultsOutcome:
     return {
         "verdict": _word(document, "verdict", "status", 32),
         "decision": _word(document, "inspection", "decision", 16),
+        "within": _share(document, "deviation", "within"),
     }
 
 
@@ -28,3 +31,11 @@ def _word(document: object, block: str, name: str, max_length: int) -> str | Non
     part = document.get(block) if isinstance(document, dict) else None
     word = part.get(name) if isinstance(part, dict) else None
     return word if isinstance(word, str) and word.isidentifier() and len(word) <= max_length else None
+
+
+def _share(document: object, block: str, name: str) -> float | None:
+    part = document.get(block) if isinstance(document, dict) else None
+    value = part.get(name) if isinstance(part, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) and 0 <= value <= 1 else None

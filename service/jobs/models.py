@@ -6,10 +6,11 @@ from datetime import UTC, datetime
 from typing import Any
 
 import uuid_utils
-from sqlalchemy import JSON, BigInteger, Enum, Float, Index, String
+from sqlalchemy import JSON, BigInteger, Enum, Float, Index, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from service.contract.schemas import Status
+from service.jobs.names import names_of_new_row
 
 DEFAULT_TENANT = "default"  # of a service without keys
 MAX_CRASHES = 3  # after so many dead workers the job itself is taken for the cause
@@ -62,6 +63,7 @@ class JobRow(Base):
         Index("jobs_by_part_number", "tenant", "part_number", "id"),
         Index("jobs_by_outcome", "tenant", "verdict", "decision", "id"),
         Index("jobs_by_batch_id", "batch_id", "batch_index"),
+        Index("jobs_by_names", "tenant", "id", "names"),
     )
 
     id: Mapped[str] = mapped_column(String(36), primary_key=True)
@@ -86,9 +88,11 @@ class JobRow(Base):
     error: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # schemas.Problem
     verdict: Mapped[str | None] = mapped_column(String(32))  # of the published results
     decision: Mapped[str | None] = mapped_column(String(16))  # of the same
+    within: Mapped[float | None] = mapped_column(Float)  # of the same: share of the area within the tolerance
     serial: Mapped[str | None] = mapped_column(String(100))  # these three: of options.reference
     batch: Mapped[str | None] = mapped_column(String(100))
     part_number: Mapped[str | None] = mapped_column(String(100))
+    names: Mapped[str | None] = mapped_column(Text, default=names_of_new_row)  # searched for parts of them
     batch_id: Mapped[str | None] = mapped_column(String(36))  # of a BatchRow
     batch_index: Mapped[int | None]  # place of the scan in the batch
     files: Mapped[list[dict[str, Any]] | None] = mapped_column(JSON)  # of the published attempt

@@ -11,6 +11,7 @@ from service.jobs.batches import BatchRecords
 from service.jobs.blob_records import BlobRecords
 from service.jobs.characteristics import CharacteristicsRecords
 from service.jobs.expiry import ExpiryQueries
+from service.jobs.forecast import Forecasts
 from service.jobs.models import DEFAULT_TENANT, IdempotencyRow, JobRow
 from service.jobs.queue_entries import QueueEntries, next_rank
 from service.jobs.transitions import JobTransitions
@@ -33,6 +34,7 @@ class JobStore(
     CharacteristicsRecords,
     BatchRecords,
     ExpiryQueries,
+    Forecasts,
 ):
     """All tables of jobs of one database. Safe to share between threads; rows are detached copies."""
 
@@ -134,15 +136,16 @@ class JobStore(
         status: Status | None = None,
         job_type: JobType | None = None,
         label: str | None = None,
+        name: str | None = None,
         equal: Mapping[str, str | None] | None = None,
         before_id: str | None = None,
         limit: int,
     ) -> tuple[Sequence[JobRow], str | None]:
         """Up to `limit` jobs of the tenant older than `before_id`, newest first, since ids sort by time.
 
-        equal : columns that must have a value, None for any; see `FOUND_BY`. Returns them and the `before_id`
-        of the next page, if there is one. A row that cannot be read is left
-        out.
+        name : part of a name of the job, see `names_of`; equal : columns that must have a value, None for
+        any. Returns them and the `before_id` of the next page, if there is one. A row that cannot be read is
+        left out.
         """
         conditions = [JobRow.tenant == tenant, JobRow.removed_ms.is_(None)]
         if status is not None:
@@ -153,6 +156,8 @@ class JobStore(
             conditions.append(JobRow.label.contains(label[1:], autoescape=True))
         elif label is not None:
             conditions.append(JobRow.label == label)
+        if name is not None:
+            conditions.append(JobRow.names.contains(name.lower(), autoescape=True))
         for column, value in (equal or {}).items():
             if value is not None:
                 conditions.append(getattr(JobRow, column) == value)

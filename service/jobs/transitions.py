@@ -45,6 +45,7 @@ class JobTransitions(TableAccess):
             "serial": None,
             "batch": None,
             "part_number": None,
+            "names": None,
         }
         final = [status for status in Status if status.is_final]
         return self._update(job_id, JobRow.status.in_(final), JobRow.removed_ms.is_(None), **cleared)
@@ -88,13 +89,15 @@ class JobTransitions(TableAccess):
         *,
         verdict: str | None = None,
         decision: str | None = None,
+        within: float | None = None,
     ) -> bool:
         """Publish: clients see the files of this attempt from this UPDATE on.
 
         progress : the last of the job (`stage`, `progress`, `message`), which may not be written yet;
-        verdict, decision : of the results of a registration
+        verdict, decision, within : of the results of a registration
         """
         values = {**progress, "progress": 100.0, "verdict": verdict, "decision": decision}
+        values["within"] = within
         values["result_bytes"] = sum(int(file["size"]) for file in files)
         return self._finish(
             job_id, attempt, Status.SUCCESSFUL, files=files, published_attempt=attempt, **values

@@ -3,7 +3,8 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from service.contract.schemas import FileEntry, FileList, Job, JobInputs, Links, Problem
+from service.contract.schemas import FileEntry, FileList, Job, JobForecast, JobInputs, Links, Problem
+from service.jobs.forecast import Forecast
 from service.jobs.models import JobRow
 
 
@@ -21,6 +22,7 @@ def job_of(row: JobRow) -> Job:
             "label": row.label,
             "verdict": row.verdict,
             "decision": row.decision,
+            "within": row.within,
             "batch_id": row.batch_id,
             "reference": row.options.get("reference") if row.options else None,
             "inputs": {name: _input_of(row.inputs.get(name)) for name in JobInputs.model_fields},
@@ -44,6 +46,16 @@ def _input_of(source: dict[str, Any] | None) -> dict[str, Any] | None:
         "filename": source.get("filename"),
         "url": url and url.partition("?")[0].partition("#")[0],
     }
+
+
+def forecast_of(found: Forecast) -> JobForecast:
+    """The forecast of a job, in tenths of a second."""
+    return JobForecast(
+        elapsed_s=round(found.elapsed_s, 1),
+        place=None if found.ahead is None else found.ahead + 1,
+        remaining_s=None if found.left_s is None else round(found.left_s, 1),
+        based_on=found.based_on,
+    )
 
 
 def files_of(row: JobRow) -> FileList:

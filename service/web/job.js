@@ -6,7 +6,7 @@ import { $, element, say } from './dom.js';
 import * as files from './files.js';
 import * as part from './part.js';
 import * as reading from './reading.js';
-import { meshes, some, time } from './words.js';
+import { meshes, time } from './words.js';
 
 const BOTH = ['load', 'clean', 'resample', 'geodesics', 'segmentation', 'features', 'landmarks'];
 const STAGES = {
@@ -15,9 +15,10 @@ const STAGES = {
   study: ['load', 'clean', 'study', 'report'],
 };
 const TICK_MS = 1000;
-const QUEUE_MS = 5000; // between two looks at the queue
-const MOST = 1000; // jobs ahead that are counted
+const QUEUE_MS = 5000; // between two questions for the place in the queue and the time left
+const FEW = 3; // jobs alike, below which the service gives no estimate
 let ticking;
+let said = { of: '' }; // what the service said last of the queue and the time left, and of which job and status
 
 const PAGES = { registration: './registration.js', landmarks: './landmarks.js', study: './study.js' };
 
@@ -39,7 +40,7 @@ export async function open(id, signal) {
         say('failed', new api.Refused(job.error, 0));
         reading.offer(job, [job.error]);
       }
-      if (job.status === 'dismissed') say('failed', new Error('This job was dismissed.'));
+      if (job.status === 'dismissed') say('failed', new Error('This job was cancelled (status: dismissed).'));
       if (job.status === 'successful') await show(job, signal);
     }
   } catch (error) {
@@ -86,25 +87,34 @@ function tell(job) {
   }));
 }
 
-/** How long it has waited or run, and how many of one's own jobs are before it. */
+/** How long it has waited or run, its place in the queue, and how long it may take. */
 function tick(job) {
   clearInterval(ticking);
   $('elapsed').textContent = '';
   if (job.finished) return;
   const isWaiting = job.status === 'accepted';
-  let ahead = '';
-  let looked = -Infinity;
+  const of = `${job.id} ${job.status} ${job.attempt}`;
+  if (said.of !== of) said = { of, ahead: '', left: null, asked: -Infinity };
+  const mine = said;
   const tell = () => {
     const seconds = Math.max(0, Math.round((Date.now() - new Date(isWaiting ? job.created : job.started ?? job.created)) / 1000));
-    $('elapsed').textContent = `${isWaiting ? 'waiting' : 'running'} for ${duration(seconds)}${ahead}`;
-    if (!isWaiting || performance.now() - looked < QUEUE_MS) return;
-    looked = performance.now();
-    api.json(`/v1/jobs?status=accepted&limit=${MOST}&cursor=${job.id}`).then(({ jobs }) => {
-      ahead = jobs.length ? `, ${jobs.length === MOST ? `${MOST} or more` : some(jobs.length, 'job')} of yours before it` : ', next of your jobs';
+    $('elapsed').textContent = `${isWaiting ? 'waiting' : 'running'} for ${duration(seconds)}${mine.ahead}${expected(mine.left)}`;
+    if (performance.now() - mine.asked < QUEUE_MS) return;
+    mine.asked = performance.now();
+    api.json(`/v1/jobs/${job.id}/forecast`).then(({ place, remaining_s: remaining, based_on: count }) => {
+      mine.ahead = place === null ? '' : `, place ${place} in the queue`;
+      mine.left = { remaining, count, at: performance.now() };
     }, () => {});
   };
   tell();
   ticking = setInterval(tell, TICK_MS);
+}
+
+/** An estimate that has run out is renewed, not counted below zero. */
+function expected(left) {
+  if (left === null) return '';
+  if (left.remaining === null) return left.count < FEW ? ', no estimate of the time left yet' : ', longer than the jobs like it so far';
+  return `, about ${duration(Math.max(1, Math.round(left.remaining - (performance.now() - left.at) / 1000)))} left`;
 }
 
 const duration = (seconds) => (seconds < 90 ? `${seconds} s` : `${Math.floor(seconds / 60)} min ${seconds % 60} s`);

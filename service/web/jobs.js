@@ -1,12 +1,11 @@
-/** The list of jobs, by status, type, part of the label, serial number, verdict, decision and date; it stays true while something
- *  runs. */
+/** The list of jobs, by status, type, part of a name, serial number, verdict, decision and date; it stays true while something runs. */
 
 import * as api from './api.js';
 import { $, element, say } from './dom.js';
-import { DECISION, DECISION_MOOD, FINAL, MOOD, meshes, time } from './words.js';
+import { DECISION, DECISION_MOOD, FINAL, MOOD, meshes, percent, time } from './words.js';
 
 const LOOK_MS = 3000;
-const FILTERS = ['status', 'type', 'label', 'serial', 'verdict', 'decision'];
+const FILTERS = ['status', 'type', 'name', 'serial', 'verdict', 'decision'];
 const DAY_MS = 86_400_000;
 let next = null; // cursor of older ones
 let asked = 0; // of answers that cross, the last question's is shown
@@ -29,7 +28,7 @@ async function list(isMore) {
   leave();
   const mine = asked;
   const words = new URLSearchParams({ limit: 20 });
-  for (const name of FILTERS) if ($(`filter-${name}`).value) words.set(name, `${name === 'label' ? '~' : ''}${$(`filter-${name}`).value}`);
+  for (const name of FILTERS) if ($(`filter-${name}`).value) words.set(name, $(`filter-${name}`).value);
   const [from, to] = ['from', 'to'].map((name) => startOf($(`filter-${name}`).value));
   if (isMore && next) words.set('cursor', next);
   else if (to !== null) words.set('cursor', firstId(to + DAY_MS));
@@ -70,5 +69,6 @@ function row(job) {
     job.verdict ? coloured(job.verdict.replaceAll('_', ' '), MOOD[job.verdict] ?? 'bad') : '',
     job.decision ? coloured(DECISION[job.decision], DECISION_MOOD[job.decision]) : '',
   ];
-  return element('tr', cells.map((content) => element('td', content)));
+  const within = element('td', job.within === null ? '' : percent(job.within), { className: 'number' });
+  return element('tr', [...cells.map((content) => element('td', content)), within]);
 }

@@ -56,7 +56,7 @@ function judge(verdict) {
   $('meaning').textContent = meaning(verdict);
   // Without a pose the reason comes first; what is said of the pose that was rejected is not the reason.
   const isFolded = ({ code }) => WITHOUT_POSE.includes(status) && ABOUT_POSE.includes(code);
-  const item = (each) => element('li', `${each.code.replaceAll('_', ' ')}: ${each.detail.replaceAll('mm^2', 'mm²')}`);
+  const item = (each) => element('li', `${each.code.replaceAll('_', ' ')}: ${each.detail}`);
   $('findings').replaceChildren(...findings.filter((each) => !isFolded(each)).map(item));
   $('rejected-findings').replaceChildren(...findings.filter(isFolded).map(item));
   $('about-rejected').hidden = !findings.some(isFolded);
@@ -99,7 +99,7 @@ function why(verdict) {
 /** 2 decimals, a true minus sign, no negative zero */
 const fixed = (value) => (Math.abs(value) < 0.005 ? '0.00' : value.toFixed(2).replace('-', '−'));
 function contribution(value) {
-  if (fixed(value) === '0.00') return 'neither 0.00';
+  if (fixed(value) === '0.00') return 'neutral 0.00';
   return value > 0 ? `for +${fixed(value)}` : `against ${fixed(value)}`;
 }
 
@@ -109,8 +109,8 @@ function figures({ deviation, metrics, deviation_of_design: ofDesign, scale }) {
   const { tolerance_mm: tolerance, within } = deviation;
   const coverage = ofDesign?.seen ?? metrics.design_coverage;
   const found = [
-    ['min', signed(deviation.min_mm), 'lowest vertex of the scan: material is missing'],
-    ['max', signed(deviation.max_mm), 'highest vertex of the scan: excess material'],
+    ['min', signed(deviation.min_mm), 'lowest deviation of a vertex of the scan; below 0 material is missing'],
+    ['max', signed(deviation.max_mm), 'highest deviation of a vertex of the scan; above 0 there is excess material'],
     [tolerance === null ? 'within tolerance' : `within ±${short(tolerance)} mm`, within === null ? 'no tolerance' : percent(within), 'share of the scanned area'],
     ['RMS', mm(deviation.rms_mm), 'root mean square of the deviation'],
     ['mean', signed(deviation.mean_mm), 'area-weighted mean of the deviation'],

@@ -4,8 +4,10 @@ import * as api from './api.js';
 import { $, say } from './dom.js';
 import * as earlier from './earlier.js';
 import * as reading from './reading.js';
+import * as study from './study_form.js';
 
-const MESHES = { registration: ['design', 'scan'], landmarks: ['mesh'] };
+const MESHES = { registration: ['design', 'scan'], landmarks: ['mesh'], study: ['mesh'] };
+const ACTION = { registration: 'Register', landmarks: 'Find landmarks', study: 'Start the study' };
 const HINT = 'Drop a file here, or choose one';
 const slots = Object.fromEntries([...document.querySelectorAll('.slot')].map((slot) => [slot.dataset.mesh, {
   box: slot,
@@ -54,6 +56,7 @@ export async function show(job = null) {
 function remember({ type, deviation, scan, inspection, provenance }) {
   const { elements } = $('form');
   for (const [name, { unit }] of Object.entries(provenance.inputs)) if ([...slots[name].unit.options].some(({ value }) => value === unit)) slots[name].unit.value = unit;
+  if (type === 'study') study.remember(provenance.settings.study);
   if (type !== 'registration') return;
   const within = inspection?.checks.find(({ kind, region }) => kind === 'within' && region === null)?.lower;
   elements.tolerance_mm.value = deviation?.tolerance_mm ?? '';
@@ -100,7 +103,8 @@ function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
   for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'acceptance', 'reading']) $(field).hidden = !wanted.includes('scan');
-  $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
+  study.dress($('form').elements.type.value);
+  $('go').textContent = ACTION[$('form').elements.type.value];
 }
 
 async function submit(event) {
@@ -140,6 +144,7 @@ function options(form, type) {
     ...(type === 'registration' ? acceptance(form.elements) : {}),
     ...(type === 'registration' && serial.value ? { reference: { serial: serial.value } } : {}),
     ...(type === 'registration' ? reading.options() : {}),
+    ...(type === 'study' ? { study: study.options() } : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
   };

@@ -18,7 +18,7 @@ const TABLES = {
 
 export async function show(job, results, sizes, signal) {
   const { kind, trials, count } = results.protocol;
-  $('figures').replaceChildren(...[['study', kind], ['trials', String(trials)], ['points a detector', String(count)]].map(figure));
+  $('figures').replaceChildren(...[['study', kind], ['trials', String(trials)], ['points per detector', String(count)]].map(figure));
   $('study').hidden = false;
   $('summary').textContent = results.summary;
   const { head, row } = TABLES[kind];

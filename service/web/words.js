@@ -2,15 +2,15 @@
 
 export const MEANING = {
   ok: 'The scan is aligned, and no other pose fits as well.',
-  uncertain: 'The scan is aligned, and this pose fits clearly best. The evidence is not enough to rely on it: see the findings.',
+  uncertain: 'The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: see the findings.',
   ambiguous: 'Several poses fit equally well, and the scan does not show which is right. Check the pose before you use it.',
-  under_constrained: 'The part can slide or turn along its own surface without a worse fit: the pose is not unique.',
+  under_constrained: 'The scan can slide or turn along the design without fitting worse: the pose is not unique.',
   units_suspect: 'The scan fits only in another unit of length. Send it again with the right unit.',
   mirrored: 'The scan is the mirror image of the design. No valid alignment was found.',
   no_match: 'No valid alignment was found. The scan shows another part, too little of this one, or a failed print.',
 };
 /** Instead of `ok`, of a design that is its own image. */
-const MEANING_SYMMETRIC = 'The scan is aligned. The design is symmetric: its equivalent poses fit as well, and any of them is right. No other pose does.';
+const MEANING_SYMMETRIC = 'The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. No other pose fits as well.';
 export const meaning = ({ status, findings }) => (status === 'ok' && findings.some(({ code }) => code === 'symmetric_design') ? MEANING_SYMMETRIC : MEANING[status]);
 /** Statuses without a pose, and the findings that are about the best pose that was tried, not about the reason. */
 export const WITHOUT_POSE = ['mirrored', 'no_match'];

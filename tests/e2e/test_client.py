@@ -149,3 +149,4 @@ def test_a_wrong_option_and_a_dismissed_job_are_problems(
     with pytest.raises(ServiceProblem, match="job_dismissed"):
         job.result(timeout_s=20)
     assert running.client.job(job.id).status is Status.DISMISSED
+    assert running.client.forecast(job.id).remaining_s == 0

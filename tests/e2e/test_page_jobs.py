@@ -70,23 +70,40 @@ def test_one_mesh_becomes_segments_and_landmarks(
     expect(page.locator("#plot .centre")).to_have_count(found["segments"]["mesh"]["count"])
 
 
-def test_a_study_is_shown(watched: Watched, design: Path, running: RunningService) -> None:
-    options = (
-        '{"study": {"trials": 20, "detectors": ["t2", "random"]}, '
-        '"settings": {"resample": {"target_vertices": 400}}}'
-    )
+def test_a_study_is_sent_and_shown(
+    registered: Job, watched: Watched, design: Path, running: RunningService
+) -> None:
+    page = watched.page
+    page.check("input[value=study]")
+    expect(page.locator("#tolerance-field")).to_be_hidden()
+    assert registered.inputs.design is not None
+    page.select_option("[data-mesh=mesh] [data-what=earlier]", registered.inputs.design.blob)
+    page.fill("input[name=trials]", "20")
+    for tick in page.locator("#study-detectors input").all():
+        tick.uncheck()
+    page.click("#go")
+    expect(page.locator("#refused")).to_contain_text("at least one landmark detector")
+    for name in ("t2", "random"):
+        page.check(f"#study-detectors input[value={name}]")
+    with page.expect_request("**/v1/jobs") as sent:
+        page.click("#go")
+    study = {"kind": "informativeness", "detectors": ["t2", "random"], "trials": 20}
+    assert sent.value.post_data_json["options"] == {"study": study}
+    page.click("#cancel")  # the same with a coarse mesh, which the page does not offer
+    settings = {"resample": {"target_vertices": 400}}
+    given = {"type": "study", "options": json.dumps({"study": study, "settings": settings})}
     files = {"mesh": ("part.stl", design.read_bytes())}
-    given = {"type": "study", "options": options}
-    job = running.successful(
-        httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"]
-    )
-    page = watched.open(job)
-    found = results(running, job.id)
+    made = httpx.post(f"{running.client.server}/v1/jobs", data=given, files=files).json()["id"]
+    watched.open(running.successful(made))
+    found = results(running, made)
     expect(page.locator("#summary")).to_have_text(found["summary"])
     expect(page.locator("#study-table tbody tr")).to_have_count(len(found["informativeness"]))
     page.wait_for_function("document.querySelector('#study-picture').naturalWidth > 100")
     expect(page.locator("#viewer")).to_be_hidden()
     expect(page.locator("#graph")).to_be_hidden()
+    page.goto(f"{watched.server}/#again-{made}")  # with what was asked for
+    expect(page.locator("input[name=trials]")).to_have_value("20")
+    expect(page.locator("#study-detectors input:checked")).to_have_count(2)
 
 
 def test_a_running_job_is_watched_and_cancelled(
@@ -101,7 +118,7 @@ def test_a_running_job_is_watched_and_cancelled(
     behind = running.client.submit(design, design, {**LONG, "label": "behind"})
     last = running.client.submit(design, design, {**LONG, "label": "last"})
     page.goto(f"{watched.server}/#{last.id}")
-    expect(page.locator("#elapsed")).to_contain_text("1 job of yours before it", timeout=JOB_MS)
+    expect(page.locator("#elapsed")).to_contain_text("place 2 in the queue, no estimate", timeout=JOB_MS)
     for waiting in (last, behind):
         running.client.cancel(waiting.id)
     page.goto(f"{watched.server}/#{job.id}")
@@ -116,6 +133,42 @@ def test_a_running_job_is_watched_and_cancelled(
     page.click("#remove")
     expect(page.locator("#jobs")).to_be_visible()
     expect(page.locator("#job-rows")).not_to_contain_text("too long")
+
+
+def test_the_list_is_used_by_keyboard(watched: Watched, registered: Job, running: RunningService) -> None:
+    server, mesh = running.client.server, registered.inputs.design
+    assert mesh is not None
+    scans = [{"scan": {"blob": mesh.blob, "filename": f"many {n}.stl"}} for n in range(21)]
+    request = {"design": {"blob": mesh.blob}, "scans": scans, "options": LONG}
+    batch = httpx.post(f"{server}/v1/batches", json=request).json()["id"]
+    httpx.post(f"{server}/v1/batches/{batch}/cancel")
+    page, rows = watched.page, watched.page.locator("#job-rows tr")
+    page.focus("#filter-name")
+    page.keyboard.type("MANY ")
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(20)
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.id") == "more":
+            break
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(21)
+    expect(page.locator("#more")).to_be_hidden()
+    page.focus("#filter-name")
+    page.keyboard.press("Control+A")
+    page.keyboard.type("finished")
+    page.keyboard.press("Enter")
+    expect(rows).to_have_count(1)
+    for name, key in (("verdict", "o"), ("decision", "n")):  # ok, not judged
+        page.focus(f"#filter-{name}")
+        page.keyboard.type(key)
+    expect(rows).to_have_count(1)
+    within = running.client.job(registered.id).within
+    assert within is not None and within == results(running, registered.id)["deviation"]["within"]
+    expect(rows.locator("td").last).to_contain_text("%")
+    rows.locator("a").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#job-title")).to_be_focused()
 
 
 def test_a_bad_file_is_refused_with_its_reason(watched: Watched, design: Path, tmp_path: Path) -> None:

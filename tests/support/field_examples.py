@@ -115,6 +115,10 @@ OTHERS: dict[str, list[Any]] = {
     ],
     "BatchPage": [{"batches": [], "next": JOB_ID}],
     "Job": [{"batch_id": JOB_ID}],
+    "JobForecast": [
+        {"elapsed_s": 12.4, "place": None, "remaining_s": 31.0, "based_on": 17},
+        {"elapsed_s": 3.1, "place": 4, "remaining_s": 96.5, "based_on": 17},
+    ],
     "UrlRef": [
         {
             "url": "https://files.example.com/scans/0042.ply?X-Amz-Signature=...",

@@ -30,7 +30,7 @@ from pipeline.core.results.verdict import Verdict
 
 
 class RegistrationResult(Record):
-    """What a registration job found. `verdict.status` first; `transform` is null without a valid
+    """What a registration job found. Read `verdict.status` first; `transform` is null without a valid
     alignment.
     """
 
@@ -38,7 +38,7 @@ class RegistrationResult(Record):
         "1", description="of this document; fields are only added within a version"
     )
     type: Literal["registration"] = Field("registration", description="type of the job")
-    verdict: Verdict = Field(description="may the pose be trusted; read this first")
+    verdict: Verdict = Field(description="whether the pose is reliable; read this first")
     transform: Transform | None = Field(
         description="the pose of the scan on the design, by `alignment` where one was asked for; null: no "
         "valid alignment was found"

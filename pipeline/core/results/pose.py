@@ -56,13 +56,13 @@ class SymmetryAxis(Record):
 
 
 class Symmetry(Record):
-    """The poses that are as right as `transform`, because the design is its own image under them."""
+    """The poses that are equivalent to `transform`, because they map the design onto itself."""
 
     kind: Literal["discrete", "continuous"] = Field(
         description="continuous: the scan may also turn or slide freely along the design"
     )
     order: int | None = Field(
-        description="number of equivalent poses, `transform` included; null: without end"
+        description="number of equivalent poses, `transform` included; null: infinitely many"
     )
     axes: list[SymmetryAxis] = Field(description="of the turns; empty where a motion is none")
     motions: list[Matrix4] = Field(

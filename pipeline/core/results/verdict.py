@@ -38,7 +38,8 @@ class Evidence(Record):
 
 class Verdict(Record):
     status: VerdictStatus = Field(
-        description="the first that applies, in the documented order; every status but `ok` needs a person"
+        description="the first that applies, in the documented order; every status but `ok` needs a person "
+        "to check"
     )
     confidence: float | None = Field(
         ge=0,

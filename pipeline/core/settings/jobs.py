@@ -59,6 +59,11 @@ class ReportSettings(Section):
     language: Literal["en", "de"] = Field(
         "en", description="of report.html, report.pdf and the histogram: English or German"
     )
+    summary: bool = Field(
+        False,
+        description="registration: report.html and report.pdf hold the first page only: identity, decision, "
+        "verdict, key figures, checks, views and histogram",
+    )
     pdf: bool = Field(False, description="also write report.pdf: the page of report.html on A4")
     three_mf: bool = Field(
         False,

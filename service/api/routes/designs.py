@@ -88,7 +88,7 @@ def _put(
         row = api.jobs.put_characteristics(blob, caller.tenant, given, expected=before.version)
     if row is None:
         raise PreconditionFailed(
-            f"what is kept with {blob} is not what the request expects; get it, and decide again"
+            f"what is kept with {blob} is another version than If-Match names; get it, and repeat the change"
         )
     return _answer(row, 201 if before is None else 200)
 
@@ -104,7 +104,7 @@ def get_characteristics(
     """Get what is kept with a design. The ETag changes with the content."""
     row = api.jobs.characteristics(blob, caller.tenant)
     if row is None:
-        raise NoCharacteristics(f"nothing is kept with {blob}; PUT it here")
+        raise NoCharacteristics(f"the design {blob} has no characteristics; store them here by PUT")
     if if_none_match is not None and is_known(request, _etag(row)):
         return Response(status_code=304, headers={"ETag": _etag(row)})
     return _answer(row, 200)
@@ -119,7 +119,7 @@ def get_characteristics(
 def delete_characteristics(blob: DesignId, api: UseApi, caller: Writes) -> Response:
     """Forget what is kept with a design. Jobs that were sent before keep theirs."""
     if not api.jobs.delete_characteristics(blob, caller.tenant):
-        raise NoCharacteristics(f"nothing is kept with {blob}")
+        raise NoCharacteristics(f"the design {blob} has no characteristics")
     return Response(status_code=204)
 
 

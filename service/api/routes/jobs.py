@@ -69,6 +69,15 @@ def list_jobs(
             max_length=200, pattern=NO_NUL, description="select by this value; `~text`: labels with the text"
         ),
     ] = None,
+    name: Annotated[
+        str | None,
+        Query(
+            max_length=200,
+            pattern=NO_NUL,
+            description="select by a part of the label, of a file name, of part number, serial number or "
+            "batch; capitals do not count",
+        ),
+    ] = None,
     verdict: Annotated[VerdictStatus | None, Query(description="select by this value")] = None,
     decision: Annotated[Decision | None, Query(description="select by this value")] = None,
     serial: ReferenceText = None,
@@ -88,6 +97,7 @@ def list_jobs(
         status=status,
         job_type=type,
         label=label,
+        name=name,
         equal={
             "verdict": verdict,
             "decision": decision,

@@ -121,7 +121,7 @@ def test_a_point_off_the_surface_is_an_error_that_names_it() -> None:
     point = {"name": "P7", "position_mm": [10, 10, 5], "radius_mm": 2, "tolerance_mm": 0.2}
     with pytest.raises(PointOffSurface, match=r"'P7' is 5 mm off"):
         checked(BUMPED, points=[point])
-    with pytest.raises(PointOffSurface, match="faces as the normal"):
+    with pytest.raises(PointOffSurface, match="faces in the direction of the normal"):
         checked(BUMPED, points=[{**point, "position_mm": [10, 10, 0], "normal": [0, 0, -1]}])
 
 

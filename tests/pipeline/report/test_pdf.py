@@ -21,8 +21,13 @@ from pypdf import PdfReader
 from pypdf.generic import DictionaryObject
 
 import pipeline
-from pipeline.core.results import RegistrationResult
+from pipeline.core.results import Check, RegistrationResult
 from pipeline.report import pdf as report_pdf
+from pipeline.report.page import registration
+from pipeline.report.registration_pictures import PageViews
+from pipeline.report.render import png
+from pipeline.report.sections import Legend, Pictures
+from pipeline.report.shots import PICTURE_PX, Shot
 from tests.support.meshes import blob_stl
 from tests.support.settings import FAST as SMALL
 
@@ -71,9 +76,28 @@ def test_it_says_what_the_results_say(made: tuple[Path, RegistrationResult]) -> 
         assert figure in pages[0]
     assert f"RMSE of the final pose {result.metrics.rmse_mm:.3f} mm" in " ".join(pages)
     assert result.provenance.inputs.scan.sha256 in "".join(pages).replace(" ", "")
+    assert "Histogram of the deviation" in pages[0]  # the first page is the whole summary
     for number, text in enumerate(pages, start=1):
         assert f"page {number} of {len(pages)}" in text
         assert f"scan {result.provenance.inputs.scan.sha256[:12]}" in text
+
+
+def test_a_summary_with_checks_has_one_page(made: tuple[Path, RegistrationResult], tmp_path: Path) -> None:
+    out, result = made
+    white = png(np.ones((PICTURE_PX[1], PICTURE_PX[0], 3)))
+    shots = [Shot(name, white, 100.0, "5 mm", [], *PICTURE_PX) for name in ("+x", "+z", "oblique", "-z")]
+    legend = Legend(["#fff"], [(0.5, "0")], "Blue: material is missing. Red: excess material.")
+    views = PageViews(Pictures("Views", "", shots, legend=legend), None, Pictures("", "", []), "")
+    assert result.inspection is not None
+    check = {"kind": "point", "region": None, "value": 0.5, "lower": None, "upper": 0.3, "unit": "mm"}
+    check |= {"uncertainty": 0.01, "n": 9, "passed": False, "position_mm": [1.0, 2.0, 3.0]}
+    checks = [Check.model_validate(check | {"name": f"check {k}"}) for k in range(4)]
+    judged = result.inspection.model_copy(update={"checks": checks, "reasons": ["check 0: too high"] * 2})
+    given = result.model_copy(update={"inspection": judged})
+    (tmp_path / "page.html").write_text(registration(given, views, out, summary=True))
+    report_pdf.write(tmp_path / "page.html", tmp_path / "page.pdf")
+    (text,) = words((tmp_path / "page.pdf").read_bytes())
+    assert "Histogram of the deviation" in text and "check 3" in text
 
 
 def test_its_pages_are_a4(made: tuple[Path, RegistrationResult]) -> None:

@@ -22,7 +22,9 @@ from pipeline.core.results import (
 )
 from pipeline.report import tables
 from pipeline.report.inspection_tables import check_tables, decision_box, extreme_tables, identity
-from pipeline.report.page import MEANING, MOODS, _render
+from pipeline.report.page import MEANING, MOODS, _render, registration
+from pipeline.report.registration_pictures import PageViews
+from pipeline.report.sections import Pictures
 from pipeline.report.words import Words
 
 STATUSES: tuple[VerdictStatus, ...] = get_args(VerdictStatus)
@@ -69,7 +71,7 @@ def test_the_evidence_is_folded_under_the_verdict_and_says_what_speaks_for_and_a
     assert "pose: 0.95 probability that the pose is right" in text
     assert "residual \N{MINUS SIGN}0.90 \N{MINUS SIGN}4.00 for +0.40 RMS" in text
     assert "matched landmarks 0.20 1.00 against \N{MINUS SIGN}0.60 share" in text
-    assert "mirror 0.00 1.00 neither 0.00 mirror image" in text
+    assert "mirror 0.00 1.00 neutral 0.00 mirror image" in text
 
 
 def test_a_null_confidence_is_not_given_and_zero_is_not_shown() -> None:
@@ -101,7 +103,7 @@ def test_one_row_stands_for_all_equivalent_poses() -> None:
 def test_a_symmetric_design_has_no_other_pose_and_equivalent_ones_are_as_right() -> None:
     finding = Finding(code="symmetric_design", detail="7 other poses", value=7.0)
     text = page(verdict(findings=[finding]))
-    assert "any of them is right" in text and MEANING["ok"] not in text
+    assert "each is correct" in text and MEANING["ok"] not in text
 
 
 def test_without_a_pose_the_reason_is_not_buried_under_what_is_said_of_the_rejected_one() -> None:
@@ -154,6 +156,19 @@ def test_the_decision_on_the_part_comes_first_with_its_reasons() -> None:
     assert text.index("part: fail") < text.index(reason) < text.index("alignment: ok")
 
 
+def test_a_summary_has_the_first_page_only(tmp_path: Path) -> None:
+    (tmp_path / "deviation_histogram.svg").write_text("<svg/>")
+    views = PageViews(Pictures("Views", "", []), None, Pictures("Segments", "", []), "")
+    whole, first = (
+        registration(example(), views, tmp_path, words=Words("en"), summary=summary)
+        for summary in (False, True)
+    )
+    for words in ("alignment: ok", "Histogram of the deviation"):
+        assert words in whole and words in first
+    for words in ("How it was found", "Provenance", "Each probability follows", "Largest deviations"):
+        assert words in whole and words not in first
+
+
 def test_every_check_and_every_extreme_place_has_a_row() -> None:
     inspection = example().inspection
     assert inspection is not None
@@ -175,3 +190,14 @@ def test_the_head_names_the_part_the_files_the_job_and_the_date() -> None:
     ]
     assert ("Datum", "27.11.2026 20:03 UTC") in identity(None, header, Words("de"))
     assert identity(None, ReportHeader()) == []
+
+
+def test_of_a_cloud_the_way_back_includes_the_spacing_of_its_points() -> None:
+    result = example()
+    assert result.deviation is not None
+    notes = [
+        tables.both_ways(result.deviation, result.deviation_of_design, is_cloud=is_cloud).note
+        for is_cloud in (False, True)
+    ]
+    assert "spacing of the points" not in notes[0]
+    assert notes[1] == f"{notes[0]} {tables.TO_POINTS}"

@@ -233,7 +233,10 @@ def test_a_listing_is_paged_and_filtered(service: Service) -> None:
     assert_problem(service.http.get("/v1/jobs?limit=0"), 422, "invalid_request", "limit")
 
 
-RESULTS_OF_A_PART = b'{"schema_version": "1", "verdict": {"status": "ok"}, "inspection": {"decision": "%s"}}'
+RESULTS_OF_A_PART = (
+    b'{"schema_version": "1", "verdict": {"status": "ok"}, "inspection": {"decision": "%s"}, '
+    b'"deviation": {"within": 0.957}}'
+)
 
 
 def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> None:
@@ -249,7 +252,10 @@ def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> N
     for number, decision in enumerate((b"pass", b"fail", b"pass")):
         service.sandbox.act = judged(decision)
         reference = {"serial": f"A-{number}", "batch": "B1", "more": {"shift": "2"}}
-        ids.append(service.finished(json.dumps({"label": f"lid {number}", "reference": reference})))
+        scan = (f"Größe {number}.obj", TRIANGLE_OBJ)
+        answer = service.submit(json.dumps({"label": f"lid {number}", "reference": reference}), scan=scan)
+        ids.append(answer.json()["id"])
+        service.worker.run(ids[-1])
 
     def listed(**query: str) -> list[str]:
         return [job["id"] for job in service.http.get("/v1/jobs", params=query).json()["jobs"]]
@@ -260,9 +266,15 @@ def test_jobs_are_found_by_the_part_and_what_became_of_it(service: Service) -> N
     assert listed(verdict="mirrored") == listed(part_number="B1") == []
     assert listed(label="~id 1") == [ids[1]]
     assert listed(label="~%") == []
+    assert listed(name="ID 1") == listed(name="a-1") == listed(name="größe 1") == [ids[1]]
+    assert listed(name="b1", decision="pass") == [ids[2], ids[0]]
+    assert listed(name="%") == listed(name="shift") == []
     job = service.status(ids[1])
     assert (job["verdict"], job["decision"], job["reference"]["serial"]) == ("ok", "fail", "A-1")
     assert job["reference"]["more"] == {"shift": "2"}
+    assert job["within"] == 0.957
+    service.http.delete(f"/v1/jobs/{ids[2]}")
+    assert listed(name="lid 2") == []
     assert 'cusp_decisions_total{decision="pass"} 2.0' in service.http.get("/metrics").text
     assert_problem(service.http.get("/v1/jobs?decision=maybe"), 422, "invalid_request", "decision")
 
@@ -434,3 +446,19 @@ def test_delete_cancels_only_if_it_is_told_so(service: Service) -> None:
     assert silent.status_code == 204 and silent.headers["deprecation"].startswith("@")
     removed = service.http.delete(f"/v1/jobs/{service.finished()}")
     assert removed.status_code == 204 and "deprecation" not in removed.headers
+
+
+def test_a_job_tells_its_place_and_what_is_left(service: Service) -> None:
+    done, first, second = service.finished(), service.submitted(), service.submitted()
+
+    def forecast(job_id: str) -> dict[str, Any]:
+        found: dict[str, Any] = service.http.get(f"/v1/jobs/{job_id}/forecast").json()
+        return found
+
+    assert [forecast(each)["place"] for each in (done, first, second)] == [None, 1, 2]
+    assert (forecast(done)["remaining_s"], forecast(second)["remaining_s"]) == (0.0, None)
+    assert forecast(second)["based_on"] == 1  # too few for an estimate
+    for job_id in (first, second):
+        service.worker.run(job_id)
+    assert forecast(service.submitted())["remaining_s"] is not None
+    assert_problem(service.http.get("/v1/jobs/none/forecast"), 404, "job_not_found")
