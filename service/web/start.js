@@ -2,6 +2,7 @@
 
 import * as api from './api.js';
 import { $, say } from './dom.js';
+import * as acceptance from './acceptance.js';
 import * as earlier from './earlier.js';
 import * as reading from './reading.js';
 
@@ -33,6 +34,7 @@ dress();
 export async function show(job = null) {
   await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
   reading.clear();
+  acceptance.clear();
   if (!job) return;
   $('form').reset();
   $('form').elements.type.value = job.type in MESHES ? job.type : 'landmarks';
@@ -48,6 +50,7 @@ export async function show(job = null) {
   const results = job.status === 'successful' ? await api.json(`/v1/jobs/${job.id}/results`) : null;
   if (results) remember(results);
   reading.show(job, results);
+  acceptance.show(job);
 }
 
 /** What was asked of the job, as far as its results say. */
@@ -94,7 +97,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'reading']) $(field).hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'reading', 'acceptance-box']) $(field).hidden = !wanted.includes('scan');
   $('go').textContent = wanted.includes('scan') ? 'Register' : 'Find landmarks';
 }
 
@@ -114,6 +117,7 @@ async function submit(event) {
     location.hash = (await sent(type, options(form, type))).id;
     form.reset();
     reading.clear();
+    acceptance.clear();
     for (const slot of Object.values(slots)) tell(slot);
     dress();
   } catch (error) {
@@ -128,11 +132,12 @@ async function submit(event) {
 function options(form, type) {
   const units = Object.fromEntries(MESHES[type].map((name) => [name, slots[name].unit.value]).filter(([, unit]) => unit !== 'auto'));
   const { tolerance_mm: tolerance, scan_accuracy_mm: accuracy, min_within: within, serial, label, preset } = form.elements;
+  const limits = { ...acceptance.read(), ...(within.value ? { min_within: Number(within.value) / 100 } : {}) };
   return {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
     ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
-    ...(type === 'registration' && within.value ? { acceptance: { min_within: Number(within.value) / 100 } } : {}),
+    ...(type === 'registration' && Object.keys(limits).length ? { acceptance: limits } : {}),
     ...(type === 'registration' && serial.value ? { reference: { serial: serial.value } } : {}),
     ...(type === 'registration' ? reading.options() : {}),
     ...(label.value ? { label: label.value } : {}),
