@@ -2,9 +2,9 @@
 
     python -m tests.accuracy.viewer
 
-A torus by formula is shown in place of the surfaces of a small job. A stall is the longest task of the page's main
-thread while a person does something: its wall time, and its processor time, which other work on the machine does
-not change. Waiting for the graphics process is wall time only.
+A torus by formula is shown in place of the surfaces of a small job. A stall is the longest task of the page's
+main thread while a person does something: its wall time, and its processor time, which other work on the
+machine does not change. Waiting for the graphics process is wall time only.
 """
 
 import json
