@@ -35,7 +35,7 @@ export function close() {
 async function prepare() {
   const mine = now;
   const isOver = () => now !== mine;
-  list(await names(mine.job));
+  list(new Map());
   $('segment-note').textContent = 'Finding the segments of each vertex.';
   const known = await Promise.resolve(centres.verticesOf(mine.mesh)).catch(() => null);
   if (isOver()) return;
@@ -51,6 +51,9 @@ async function prepare() {
   }
   if (isOver()) return;
   mine.labels = labels;
+  const named = await names(mine);
+  if (isOver()) return;
+  list(named);
   dress();
 }
 
@@ -64,20 +67,17 @@ async function ofDesign(design, { rows, points }, isOver) {
 }
 
 /** segment -> names of the regions of the design's characteristics that have it */
-async function names({ inputs }) {
+async function names({ job: { inputs }, viewer: { design }, labels }) {
   const found = new Map();
   if (!inputs.design) return found;
-  const { regions } = await api.json(`/v1/designs/${inputs.design.blob}/characteristics`).catch(() => ({ regions: [] }));
-  const { centres: of } = now.results.segments.design;
-  const nearest = (place) => of.reduce((best, each) => (away(each, place) < away(best, place) ? each : best)).segment;
+  const { regions } = await api.json(`/v1/designs/${inputs.design.blob}/characteristics?empty=true`).catch(() => ({ regions: [] }));
+  const at = (place) => labels.design[design.nearest(place).vertex];
   for (const { name, region } of regions) {
-    const within = region.kind === 'segments' ? region.segments : region.kind === 'segments_at' ? region.places_mm.map(nearest) : [];
-    for (const segment of within) found.set(segment, [...found.get(segment) ?? [], name]);
+    const within = region.kind === 'segments' ? region.segments : region.kind === 'segments_at' ? region.places_mm.map(at) : [];
+    for (const segment of new Set(within)) found.set(segment, [...found.get(segment) ?? [], name]);
   }
   return found;
 }
-
-const away = ({ position_mm: position }, place) => Math.hypot(...position.map((part, k) => part - place[k]));
 
 function list(named) {
   const items = now.results.segments[now.mesh].centres.map(({ segment }) => segment).sort((a, b) => a - b).map((segment) => {

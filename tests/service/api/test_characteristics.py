@@ -53,6 +53,7 @@ def test_jobs_take_what_is_kept_with_their_design_unless_they_state_their_own(
 def test_a_document_is_changed_only_as_it_is_known(service: Service, address: str) -> None:
     http = service.http
     assert_problem(http.get(address), 404, "no_characteristics")
+    assert http.get(address, params={"empty": True}).json()["regions"] == []
     assert_problem(http.put(address, json=KEPT, headers={"If-Match": "*"}), 412, "precondition_failed")
     made = http.put(address, json=KEPT, headers={"If-None-Match": "*"})
     assert made.status_code == 201
