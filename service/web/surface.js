@@ -177,11 +177,6 @@ export class Surface {
     }
     return found;
   }
-
-  close() {
-    this.object.geometry.dispose();
-    this.object.material.dispose();
-  }
 }
 
 const HIDE = 'if (vColor.a < 0.5) discard; diffuseColor.rgb *= vColor.rgb;'; // the fourth part says whether it is shown, not how opaque it is
