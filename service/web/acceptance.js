@@ -12,8 +12,10 @@ export function keep(blob, text) {
 
 /** In the form of a job on the meshes of another. */
 export function show(job) {
-  $('acceptance-json').value = drafts.get(job.inputs.design?.blob) ?? '';
-  $('acceptance-box').open = $('acceptance-json').value !== '';
+  const draft = drafts.get(job.inputs.design?.blob);
+  if (!draft) return; // what a person types meanwhile stays
+  $('acceptance-json').value = draft;
+  $('acceptance-box').open = true;
 }
 
 export function clear() {

@@ -32,9 +32,9 @@ dress();
 
 /** Offer what was sent before; `job`: choose its meshes. */
 export async function show(job = null) {
+  acceptance.clear();
   await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
   reading.clear();
-  acceptance.clear();
   if (!job) return;
   $('form').reset();
   $('form').elements.type.value = job.type in MESHES ? job.type : 'landmarks';

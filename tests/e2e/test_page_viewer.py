@@ -244,6 +244,7 @@ def test_limits_are_set_by_clicking_on_the_design(watched: Watched, registered: 
 def test_limits_that_are_no_json_are_refused(watched: Watched, registered: Job) -> None:
     page = watched.open(registered)
     page.click("#new-again")
+    expect(page.locator(".slot[data-mesh=scan] output")).to_contain_text("scan.stl")
     page.click("#acceptance-box summary")
     for text, words in (("{tolerance", "are not JSON"), ("[1]", "must be a JSON object")):
         page.fill("#acceptance-json", text)
