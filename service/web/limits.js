@@ -49,7 +49,10 @@ export function pins() {
 export function pick(event) {
   if (!isOpen()) return false;
   const found = now.viewer.onDesign(event);
-  if (!found) return true;
+  if (!found) {
+    $('limit-hint').textContent = `No surface of the design there. ${HINT[$('limit-kind').value]}`;
+    return true;
+  }
   const isSecond = $('limit-kind').value === 'box' && now.isSecond;
   $(PLACES[isSecond ? 1 : 0]).value = found.position.map(rounded).join(', ');
   if (!isSecond) now.normal = found.normal?.map(rounded) ?? null;

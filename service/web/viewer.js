@@ -16,6 +16,11 @@ const VISIBLE = 0.005; // of the diagonal: a place is visible when what is drawn
 const ASKED = 50; // vertices that say to which side a surface faces
 THREE.ColorManagement.enabled = false; // our colours are sRGB values already
 
+/** Whether what is behind is seen through it. */
+function veil(material, isVeil) {
+  Object.assign(material, { transparent: isVeil, opacity: isVeil ? SEE_THROUGH : 1, depthWrite: !isVeil, needsUpdate: true });
+}
+
 export class Viewer {
   /** onHover : called with what is under the pointer, {mark} or {what, vertex, point}, or null; onPick : with the same on a click, and the
    *  event; onDrawn : after each frame */
@@ -140,10 +145,30 @@ export class Viewer {
     const lift = Math.min(Math.max(LIFT * this.diagonal(), 1.2 * apart), 5 * LIFT * this.diagonal());
     this.lift = isVeil ? lift : isBoth ? -lift : 0;
     const { material } = this.design.object;
-    Object.assign(material, { transparent: isVeil, opacity: isVeil ? SEE_THROUGH : 1, depthWrite: !isVeil });
+    veil(material, isVeil);
     material.color.set(isBoth ? UNDER : 0xffffff);
     if (material.userData.plain) material.userData.plain.value = isBoth ? 1 : 0;
     this.isDimmed = isBoth;
+  }
+
+  /** Have the graphics card make its programs while it has nothing to draw: later the page would wait for the frame under way. */
+  warmUp() {
+    const unseen = [];
+    this.scene.traverse((each) => {
+      if (!each.visible) unseen.push(each);
+      each.visible = true;
+      each.geometry?.setDrawRange(0, 0);
+    });
+    const { material } = this.design.object;
+    for (const planes of [[new THREE.Plane(new THREE.Vector3(-1, 0, 0), 0)], []]) {
+      for (const isVeil of [true, false]) {
+        this.renderer.clippingPlanes = planes;
+        veil(material, isVeil);
+        this.renderer.render(this.scene, this.view.camera);
+      }
+    }
+    this.scene.traverse((each) => each.geometry?.setDrawRange(0, Infinity));
+    for (const each of unseen) each.visible = false;
   }
 
   /** Keep what lies below `offset` along the axis 0, 1 or 2; null shows all. */
