@@ -57,7 +57,6 @@ export async function openRegistration(job, results, sizes, signal) {
   await Promise.all([mine.load('design', designFile, 'glb'), scanFile && mine.load('scan', scanFile, isAligned ? 'glb' : 'ply')]);
   if (signal.aborted) return;
   mark(results.landmarks, results);
-  viewer.warmUp();
   now.poses = poses(results);
   choices($('pose'), [...now.poses].map(([name, { words }]) => [name, words]));
   setUp({ scan: Boolean(scanFile), design: !isAligned || viewer.isCloud, marks: false, lines: false });
@@ -93,7 +92,6 @@ export async function openMesh(job, results, signal) {
   await mine.load('design', file, 'ply');
   if (signal.aborted) return;
   mark({ design: results.landmarks.mesh, scan: [], matches: [] }, results);
-  viewer.warmUp();
   now.poses = new Map();
   setUp({ scan: false, design: true, marks: true, lines: false });
   for (const box of ['legend', 'section', 'extremes']) $(box).hidden = true;

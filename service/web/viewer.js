@@ -151,26 +151,6 @@ export class Viewer {
     this.isDimmed = isBoth;
   }
 
-  /** Have the graphics card make its programs while it has nothing to draw: later the page would wait for the frame under way. */
-  warmUp() {
-    const unseen = [];
-    this.scene.traverse((each) => {
-      if (!each.visible) unseen.push(each);
-      each.visible = true;
-      each.geometry?.setDrawRange(0, 0);
-    });
-    const { material } = this.design.object;
-    for (const planes of [[new THREE.Plane(new THREE.Vector3(-1, 0, 0), 0)], []]) {
-      for (const isVeil of [true, false]) {
-        this.renderer.clippingPlanes = planes;
-        veil(material, isVeil);
-        this.renderer.render(this.scene, this.view.camera);
-      }
-    }
-    this.scene.traverse((each) => each.geometry?.setDrawRange(0, Infinity));
-    for (const each of unseen) each.visible = false;
-  }
-
   /** Keep what lies below `offset` along the axis 0, 1 or 2; null shows all. */
   clip(axis, offset) {
     const normal = new THREE.Vector3().setComponent(axis ?? 0, -1);

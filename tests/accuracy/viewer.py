@@ -1,12 +1,14 @@
 """Stalls and frames of the page's viewer on a million triangles, in Chromium with software rendering.
 
-    python -m tests.accuracy.viewer
+    python -m tests.accuracy.viewer [--triangles 1000000]
 
 A torus by formula is shown in place of the surfaces of a small job. A stall is the longest task of the page's
 main thread while a person does something: its wall time, and its processor time, which other work on the
-machine does not change. Waiting for the graphics process is wall time only.
+machine does not change. Waiting for the graphics process is wall time only: without a graphics card the page
+waits for each frame that it draws. Files of jobs have at most 200,000 triangles (`remesh.MANY_FACES`).
 """
 
+import argparse
 import json
 import tempfile
 from collections.abc import Callable
@@ -22,7 +24,7 @@ from tests.support.meshes import blob_stl
 from tests.support.running import QUICK, RunningService
 from tests.support.shapes import torus
 
-AROUND, ACROSS = 1000, 500  # quads: a million triangles
+ACROSS = 500  # quads around the tube of the torus; the triangles asked for say how many along it
 OPEN_MS = 240_000
 TURN = """(seconds) => new Promise((resolve) => {
   const canvas = document.getElementById('canvas');
@@ -53,9 +55,9 @@ def measure(page: Page, what: str, act: Callable[[], object]) -> None:
     print(f"{what:<28} {wall:6.0f} ms wall {cpu:6.0f} ms processor", flush=True)
 
 
-def surfaces(folder: Path) -> tuple[Path, Path]:
+def surfaces(folder: Path, triangles: int) -> tuple[Path, Path]:
     """Design and scan as the page reads them."""
-    mesh = torus(15.0, 6.0, AROUND, ACROSS)
+    mesh = torus(15.0, 6.0, triangles // (2 * ACROSS), ACROSS)
     display = DisplayMesh(Mesh(mesh.vertices, mesh.faces), mesh)
     grey = np.full((len(mesh.vertices), 3), 0.6)
     x, y, _ = mesh.vertices.T
@@ -66,12 +68,15 @@ def surfaces(folder: Path) -> tuple[Path, Path]:
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--triangles", type=int, default=1_000_000)
+    triangles = parser.parse_args().triangles
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
         design_file, scan_file = folder / "design.stl", folder / "scan.stl"
         design_file.write_bytes(blob_stl())
         scan_file.write_bytes(blob_stl(23, 37))
-        shown = dict(zip(("design.glb", "deviation.glb"), surfaces(folder), strict=True))
+        shown = dict(zip(("design.glb", "deviation.glb"), surfaces(folder, triangles), strict=True))
         running = RunningService(folder / "data", CUSP_JOBS="1")
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         try:
@@ -89,6 +94,7 @@ def main() -> None:
                 watched.page.goto(f"{watched.server}/#{job.id}")
                 watched.page.wait_for_selector("#result[data-shown]", timeout=OPEN_MS)
 
+            print(f"{triangles:,} triangles of each surface\nlongest task while")
             _table(watched, opened)
         finally:
             browser.close()
@@ -97,7 +103,6 @@ def main() -> None:
 
 def _table(watched: Watched, opened: Callable[[], object]) -> None:
     page = watched.page
-    print(f"{2 * AROUND * ACROSS:,} triangles of each surface\nlongest task while")
     measure(page, "opening the job", opened)
     page.wait_for_timeout(3000)
     measure(
