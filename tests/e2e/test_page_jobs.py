@@ -110,6 +110,7 @@ def test_a_running_job_is_watched_and_cancelled(
     expect(page.locator("#job-rows tr", has_text="too long")).to_contain_text("running")
     page.click("#job-rows tr:has-text('too long') a")
     page.click("#cancel")
+    expect(page.locator("#failed")).to_be_visible()  # its text may be that of the job before
     expect(page.locator("#failed")).to_contain_text("dismissed")
     assert running.client.job(job.id).status == "dismissed"
     page.on("dialog", lambda dialog: dialog.accept())
