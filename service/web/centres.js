@@ -107,6 +107,9 @@ async function table(mesh) {
   return mine.tables[mesh];
 }
 
+/** The table of a mesh, as of `table`; null of a job without one. */
+export const verticesOf = (mesh) => (now?.meshes.includes(mesh) ? table(mesh) : null);
+
 function listCentres() {
   const { centres } = now.results.segments[now.mesh];
   const rows = centres.map((centre) => [

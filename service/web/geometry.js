@@ -1,47 +1,37 @@
-/** Geometry of the shown surfaces: read from glTF, shaded, measured. */
+/** Geometry of the shown surfaces: read from glTF, measured. */
 
 import * as THREE from './vendor/three/three.module.js';
 
 const MM_PER_M = 1000; // glTF is in metres
 
-/** Meshes and point clouds of a glTF scene, without the landmarks in it. */
-export function surfaces(gltf) {
-  const nodes = [];
+/** The mesh or point cloud of a glTF scene, without the landmarks in it. */
+export function surface(gltf) {
+  let found = null;
   gltf.scene.updateMatrixWorld(true);
-  gltf.scene.traverse((node) => { if ((node.isMesh || node.isPoints) && !/landmarks/.test(node.name)) nodes.push(node); });
-  return nodes;
+  gltf.scene.traverse((node) => { if (!found && (node.isMesh || node.isPoints) && !/landmarks/.test(node.name)) found = node; });
+  if (!found) throw new Error('the file has no surface');
+  return found;
 }
 
-export const inMillimetres = (node) => node.geometry.clone().applyMatrix4(node.matrixWorld).scale(MM_PER_M, MM_PER_M, MM_PER_M);
-
-/** A material has `userData.back`: 1 shades the backs of its faces, -1 their fronts, 0 neither. */
-export function shaded(geometry, isCloud) {
-  if (isCloud) return new THREE.Points(geometry, new THREE.PointsMaterial({ vertexColors: true, size: 3, sizeAttenuation: false }));
-  geometry.computeVertexNormals();
-  const material = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide });
-  const back = { value: 0 };
-  material.userData.back = back;
-  material.onBeforeCompile = (shader) => {
-    shader.uniforms.back = back;
-    shader.fragmentShader = `uniform float back;\n${shader.fragmentShader}`.replace('#include <color_fragment>', `#include <color_fragment>
-      if (back != 0.0 && gl_FrontFacing == (back < 0.0)) diffuseColor.rgb = mix(diffuseColor.rgb, vec3(0.28, 0.31, 0.36), 0.75);`);
-  };
-  return new THREE.Mesh(geometry, material);
+export function inMillimetres(node) {
+  const geometry = node.geometry.clone().applyMatrix4(node.matrixWorld).scale(MM_PER_M, MM_PER_M, MM_PER_M);
+  return { isPoints: node.isPoints, geometry };
 }
 
 /** (n) area of each vertex in mm^2: a third of the triangles around it; 1 for each point of a cloud */
 export function areas(geometry) {
-  const at = geometry.attributes.position;
+  const at = geometry.attributes.position.array;
   const index = geometry.index?.array;
-  if (!index) return new Float32Array(at.count).fill(1);
-  const perVertex = new Float32Array(at.count);
-  const [a, b, c] = [new THREE.Vector3(), new THREE.Vector3(), new THREE.Vector3()];
+  if (!index) return new Float32Array(at.length / 3).fill(1);
+  const perVertex = new Float32Array(at.length / 3);
   for (let k = 0; k < index.length; k += 3) {
-    a.fromBufferAttribute(at, index[k]);
-    b.fromBufferAttribute(at, index[k + 1]).sub(a);
-    c.fromBufferAttribute(at, index[k + 2]).sub(a);
-    const third = b.cross(c).length() / 6;
-    for (let corner = 0; corner < 3; corner += 1) perVertex[index[k + corner]] += third;
+    const [a, b, c] = [3 * index[k], 3 * index[k + 1], 3 * index[k + 2]];
+    const [ux, uy, uz] = [at[b] - at[a], at[b + 1] - at[a + 1], at[b + 2] - at[a + 2]];
+    const [vx, vy, vz] = [at[c] - at[a], at[c + 1] - at[a + 1], at[c + 2] - at[a + 2]];
+    const sixth = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx) / 6;
+    perVertex[index[k]] += sixth;
+    perVertex[index[k + 1]] += sixth;
+    perVertex[index[k + 2]] += sixth;
   }
   return perVertex;
 }
@@ -50,9 +40,9 @@ export function areas(geometry) {
 export function nearestVertex(positions, [x, y, z]) {
   let best = Infinity;
   let vertex = 0;
-  for (let k = 0; k < positions.length / 3; k += 1) {
-    const square = (positions[3 * k] - x) ** 2 + (positions[3 * k + 1] - y) ** 2 + (positions[3 * k + 2] - z) ** 2;
-    if (square < best) { best = square; vertex = k; }
+  for (let k = 0; k < positions.length; k += 3) {
+    const square = (positions[k] - x) ** 2 + (positions[k + 1] - y) ** 2 + (positions[k + 2] - z) ** 2;
+    if (square < best) { best = square; vertex = k / 3; }
   }
   return { vertex, distance: Math.sqrt(best) };
 }

@@ -21,6 +21,6 @@ export async function show(job, results, sizes, signal) {
   $('how-figures').replaceChildren();
   const isShown = sizes.has('mesh.segments.ply');
   $('viewer').hidden = !isShown;
-  const shown = isShown ? part.openMesh(job.id, results, signal) : null;
+  const shown = isShown ? part.openMesh(job, results, signal) : null;
   await Promise.all([shown, centres.open(job, results, shown && part.panel, sizes, signal)]);
 }

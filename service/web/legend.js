@@ -74,7 +74,7 @@ function recolour() {
   dress(shown);
   now.viewer.recolour(shown);
   drawScale(shown);
-  drawHistogram(now.viewer, shown);
+  drawHistogram(now.viewer.scan, shown);
   const { low, high, lower, upper } = shown;
   $('ticks').replaceChildren(...ticks(shown).map((mm) => {
     const tick = element('span', mm === 0 ? '0 mm' : plain(mm, Math.max(high, -low)));
@@ -113,13 +113,14 @@ function shares(lower, upper) {
   if (upper !== deviation.tolerance_mm || lower !== -deviation.tolerance_mm) {
     let sum = 0;
     [within, above, below] = [0, 0, 0];
-    viewer.values.forEach((value, k) => {
-      if (!colours.isCounted(value)) return;
-      sum += viewer.areas[k];
-      if (value > upper) above += viewer.areas[k];
-      else if (value < lower) below += viewer.areas[k];
-      else within += viewer.areas[k];
-    });
+    const { values, areas } = viewer.scan;
+    for (let k = 0; k < values.length; k += 1) {
+      if (!colours.isCounted(values[k])) continue;
+      sum += areas[k];
+      if (values[k] > upper) above += areas[k];
+      else if (values[k] < lower) below += areas[k];
+      else within += areas[k];
+    }
     [within, above, below] = [within, above, below].map((each) => each / (sum || 1));
   }
   const what = viewer.isCloud ? 'points lie' : 'area lies';
@@ -142,9 +143,9 @@ function drawScale(shown) {
 function drawHistogram({ values, areas }, shown) {
   const { low, high, lower, upper } = shown;
   const bins = new Float64Array(BINS);
-  values.forEach((value, k) => {
-    if (colours.isCounted(value)) bins[Math.min(BINS - 1, Math.max(0, Math.floor(((value - low) / (high - low)) * BINS)))] += areas[k];
-  });
+  for (let k = 0; k < values.length; k += 1) {
+    if (colours.isCounted(values[k])) bins[Math.min(BINS - 1, Math.max(0, Math.floor(((values[k] - low) / (high - low)) * BINS)))] += areas[k];
+  }
   const { width, height } = $('histogram');
   const pen = $('histogram').getContext('2d');
   const most = bins.reduce((a, b) => Math.max(a, b), 0) || 1;

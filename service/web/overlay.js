@@ -10,8 +10,9 @@ const LINE = 20; // height of a label
 const LETTER = 7.1; // width of a letter of the label's font
 const EDGE = 8;
 
-/** viewer : of which the svg lies on the canvas; pins : {words, position, normal or null}; points : of the measured distance */
-export function draw(svg, viewer, pins, points) {
+/** viewer : of which the svg lies on the canvas; pins : {words, position, normal or null}; points : of the measured distance;
+ *  plane : corners of the section, or null */
+export function draw(svg, viewer, pins, points, plane) {
   const { clientWidth: width, clientHeight: height } = viewer.canvas;
   svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
   svg.replaceChildren();
@@ -21,6 +22,7 @@ export function draw(svg, viewer, pins, points) {
     if (words !== undefined) made.textContent = words;
     svg.append(made);
   };
+  if (plane) put('polygon', { points: plane.map((each) => viewer.view.toScreen(each).slice(0, 2).join()).join(' '), class: 'plane' });
   drawPins(put, viewer, pins, width, height);
   drawDistance(put, viewer, points);
   drawTriad(put, viewer, height);
@@ -28,7 +30,7 @@ export function draw(svg, viewer, pins, points) {
 }
 
 function drawTriad(put, viewer, height) {
-  const turn = viewer.camera.matrixWorldInverse.elements;
+  const turn = viewer.view.camera.matrixWorldInverse.elements;
   const at = [TRIAD + 16, height - TRIAD - 16];
   const ends = AXES.map(([name, [x, y, z]]) => [name, turn[0] * x + turn[4] * y + turn[8] * z, turn[1] * x + turn[5] * y + turn[9] * z, turn[2] * x + turn[6] * y + turn[10] * z]);
   for (const [name, x, y] of ends.sort((a, b) => a[3] - b[3])) { // the axis nearest to the eye last
@@ -39,8 +41,8 @@ function drawTriad(put, viewer, height) {
 
 /** A round length in mm; in a perspective it is true at the centre of the part. */
 function drawBar(put, viewer, width, height) {
-  const length = below(BAR * viewer.mmPerPixel());
-  const pixels = length / viewer.mmPerPixel();
+  const length = below(BAR * viewer.view.mmPerPixel());
+  const pixels = length / viewer.view.mmPerPixel();
   const [left, y] = [width - pixels - 16, height - 16];
   put('path', { d: `M${left} ${y - 5}v5h${pixels}v-5`, class: 'bar' });
   put('text', { x: left + pixels / 2, y: y - 6, 'text-anchor': 'middle', class: 'label' }, `${Number(length.toPrecision(3))} mm`);
@@ -54,9 +56,9 @@ export function below(value) {
 
 /** Labels stand in two columns at the edges, in the order of their places, so that none covers another or the part's middle. */
 function drawPins(put, viewer, pins, width, height) {
-  const eye = viewer.eye();
+  const eye = viewer.view.eye();
   const placed = pins.map((pin) => {
-    const [x, y] = viewer.toScreen(pin.position);
+    const [x, y] = viewer.view.toScreen(pin.position);
     const isHidden = pin.normal && pin.normal.reduce((sum, part, k) => sum + part * eye[k], 0) < 0;
     return { ...pin, x, y, isHidden };
   });
@@ -86,7 +88,7 @@ export function spread(wanted, first, last) {
 }
 
 function drawDistance(put, viewer, points) {
-  const at = points.map((each) => viewer.toScreen(each));
+  const at = points.map((each) => viewer.view.toScreen(each));
   if (at.length === 2) {
     put('line', { x1: at[0][0], y1: at[0][1], x2: at[1][0], y2: at[1][1], class: 'ruler' });
     const words = `${plain(Math.hypot(...points[0].map((part, k) => part - points[1][k]))).replace('+', '')} mm`;

@@ -5,23 +5,24 @@ import * as centres from './centres.js';
 import { isCounted } from './colours.js';
 import { $, choices, element } from './dom.js';
 import * as legend from './legend.js';
+import * as limits from './limits.js';
 import * as measuring from './measuring.js';
 import * as overlay from './overlay.js';
-import * as ply from './ply.js';
+import { pins, worst } from './pins.js';
 import { IDENTITY, inverse, moved, times } from './poses.js';
 import * as section from './section.js';
+import * as segments from './segments.js';
 import { DIRECTIONS } from './views.js';
 import { mm, ofSegment, short, signed, standsFor } from './words.js';
 
-const PIN_DIFFERS = 0.0005; // mm: the surface that is shown has fewer vertices than the file, and may miss the extreme
 const LARGEST = 80e6; // bytes of a mesh that is shown as it was sent
 const FAR = 0.02; // of the diagonal: there is no scan there, unless its vertices are as far apart
 
 let viewer = null;
 let now = null; // {results, poses: name -> matrix of the scan's own frame, pose, isAligned: the scan's file is in the final pose, pins, first: the view at the beginning}
 
-for (const side of Object.keys(DIRECTIONS)) $('sides').append(element('button', side, { type: 'button', onclick: () => viewer?.frame(side) }));
-$('fit').addEventListener('click', () => viewer?.fit());
+for (const side of Object.keys(DIRECTIONS)) $('sides').append(element('button', side, { type: 'button', onclick: () => viewer?.view.frame(side) }));
+$('fit').addEventListener('click', () => viewer?.view.fit());
 $('projection').addEventListener('click', () => project($('projection').getAttribute('aria-pressed') !== 'true'));
 $('full').addEventListener('click', () => (document.fullscreenElement ? document.exitFullscreen() : $('stage-3d').requestFullscreen()));
 $('show-pins').addEventListener('change', () => viewer?.draw());
@@ -37,83 +38,66 @@ export const panel = {
     viewer?.point(position && place(mesh, position), isTurned);
     if (viewer && isTurned) $('canvas').scrollIntoView({ block: 'nearest' });
   },
-  preview: (mesh, positions) => viewer?.preview(positions.map((each) => place(mesh, each))),
+  preview: (mesh, positions) => {
+    viewer?.marks.preview(positions.map((each) => place(mesh, each)));
+    viewer?.draw();
+  },
 };
 
 /** The scan on its design. sizes : name of a file -> bytes */
-export async function openRegistration(id, results, sizes, signal) {
+export async function openRegistration(job, results, sizes, signal) {
   close();
-  const at = (name) => api.bytes(`/v1/jobs/${id}/files/${name}`);
+  const at = (name) => api.bytes(`/v1/jobs/${job.id}/files/${name}`);
   const isAligned = sizes.has('deviation.glb') && Boolean(results.transform);
   const shown = isAligned ? 'deviation.glb' : sizes.get('scan.clean.ply') <= LARGEST ? 'scan.clean.ply' : null;
   const [{ Viewer }, designFile, scanFile] = await Promise.all([import('./viewer.js'), at('design.glb'), shown ? at(shown) : null]);
   if (signal.aborted) return;
   begin(Viewer, { results, isAligned });
   const mine = viewer;
-  await mine.loadDesign(designFile);
-  if (isAligned) await mine.loadScan(scanFile);
-  else if (scanFile) mine.loadPly('scan', ply.parse(scanFile));
+  await Promise.all([mine.load('design', designFile, 'glb'), scanFile && mine.load('scan', scanFile, isAligned ? 'glb' : 'ply')]);
   if (signal.aborted) return;
   mark(results.landmarks, results);
   now.poses = poses(results);
   choices($('pose'), [...now.poses].map(([name, { words }]) => [name, words]));
   setUp({ scan: Boolean(scanFile), design: !isAligned || viewer.isCloud, marks: false, lines: false });
   const isMeasured = isAligned && viewer.values !== null; // the file of a cloud of points of an earlier version has colours only
-  for (const id of ['legend', 'tolerance-box', 'section', 'extremes']) $(id).hidden = !isMeasured;
-  viewer.onReset = () => viewer?.frame('+z');
+  for (const id of ['legend', 'tolerance-box', 'section', 'extremes', 'segments']) $(id).hidden = !isMeasured;
+  viewer.onReset = () => viewer?.view.frame('+z');
   viewer.onReset();
   pose(now.poses.has('final') ? 'final' : 'before');
   if (!isMeasured) return;
   if (!viewer.isCloud) viewer.shadeBacks();
   legend.open(viewer, results);
-  now.pins = pins(results);
-  begin3d(worst());
+  now.pins = pins(viewer, results);
+  begin3d(worst(viewer));
+  segments.open(viewer, job, results, 'design');
+  limits.open(viewer, job);
 }
 
 /** The first view shows the largest deviation. */
 function begin3d(place) {
   const first = viewer.sideThatShows(place.position, place.normal);
-  viewer.onReset = () => (first ? viewer?.frame(first) : viewer?.fitAlong(place.normal));
+  viewer.onReset = () => (first ? viewer?.view.frame(first) : viewer?.view.fitAlong(place.normal));
   viewer.onReset();
   section.open(viewer, place);
 }
 
-/** The place that a person must see: the vertex that lies farthest off. */
-function worst() {
-  const [farthest] = viewer.extremes().sort((a, b) => Math.abs(b.mm) - Math.abs(a.mm));
-  const position = farthest?.position ?? [0, 0, 0];
-  return { position, normal: farthest?.normal ?? normalAt(position) };
-}
-
-const normalAt = (position) => viewer.normalOfDesign(position);
-
-/** The lowest and the highest vertex, and the points that were to be inspected. */
-function pins({ deviation, inspection }) {
-  const ends = viewer.extremes().map((each, k) => {
-    const ofAll = k ? deviation.max_mm : deviation.min_mm;
-    const name = `${k ? 'max' : 'min'}${Math.abs(ofAll - each.mm) > PIN_DIFFERS ? ' shown' : ''}`;
-    return { ...each, words: `${name} ${signed(each.mm)}`, normal: each.normal ?? normalAt(each.position) };
-  });
-  const points = (inspection?.checks ?? []).filter(({ kind, position_mm: position }) => kind === 'point' && position);
-  const moods = { true: 'good', false: 'bad', null: 'warn' };
-  return [...ends, ...points.map(({ name, value, passed, position_mm: position }) => ({
-    words: `${name} ${value === null ? 'not measured' : signed(value)}`, position, normal: normalAt(position), mood: moods[passed],
-  }))];
-}
-
 /** One mesh in the colours of its segments. */
-export async function openMesh(id, results, signal) {
+export async function openMesh(job, results, signal) {
   close();
-  const [{ Viewer }, file] = await Promise.all([import('./viewer.js'), api.bytes(`/v1/jobs/${id}/files/mesh.segments.ply`)]);
+  const [{ Viewer }, file] = await Promise.all([import('./viewer.js'), api.bytes(`/v1/jobs/${job.id}/files/mesh.segments.ply`)]);
   if (signal.aborted) return;
   begin(Viewer, { results, isAligned: false });
-  viewer.loadPly('design', ply.parse(file));
+  const mine = viewer;
+  await mine.load('design', file, 'ply');
+  if (signal.aborted) return;
   mark({ design: results.landmarks.mesh, scan: [], matches: [] }, results);
   now.poses = new Map();
   setUp({ scan: false, design: true, marks: true, lines: false });
   for (const box of ['legend', 'section', 'extremes']) $(box).hidden = true;
-  viewer.onReset = () => viewer?.frame('oblique');
+  viewer.onReset = () => viewer?.view.frame('oblique');
   viewer.onReset();
+  segments.open(viewer, job, results, 'mesh');
 }
 
 export function close() {
@@ -122,6 +106,8 @@ export function close() {
   now = null;
   legend.close();
   section.close();
+  segments.close();
+  limits.close();
   $('tip').hidden = true;
   $('pose-note').textContent = '';
   $('overlay').replaceChildren();
@@ -130,7 +116,7 @@ export function close() {
 
 function project(isPerspective) {
   $('projection').setAttribute('aria-pressed', String(isPerspective));
-  viewer?.project(isPerspective);
+  viewer?.view.project(isPerspective);
 }
 
 export function redraw() {
@@ -151,12 +137,14 @@ function begin(Viewer, known) {
 /** What lies over the picture; the pins are those of the final pose. */
 function furnish() {
   const isFinal = !now.isAligned || $('pose').value === 'final';
-  overlay.draw($('overlay'), viewer, isFinal && $('show-pins').checked ? now.pins.filter(({ position }) => viewer.kept(position)) : [], measuring.shown());
+  const own = isFinal && $('show-pins').checked ? now.pins : [];
+  overlay.draw($('overlay'), viewer, [...own, ...limits.pins()].filter(({ position }) => viewer.kept(position)), measuring.shown(), section.plane());
+  section.placeHandle();
 }
 
-function pick(found) {
+function pick(found, event) {
   hover(found);
-  if (found?.point) measuring.pick(found.point);
+  if (!limits.pick(event) && found?.point) measuring.pick(found.point);
 }
 
 function setUp(isOn) {
@@ -168,7 +156,7 @@ function setUp(isOn) {
     $(box).closest('label').hidden = !isPair && what !== 'marks';
   }
   $('show-scan').closest('label').hidden = !isOn.scan;
-  $('show-matches').closest('label').hidden = !viewer.pairs.length;
+  $('show-matches').closest('label').hidden = !viewer.marks.pairs.length;
   $('show-pins').checked = true;
   $('show-pins').closest('label').hidden = !now.isAligned;
   $('pose').closest('label').hidden = now.poses.size < 2;
@@ -183,9 +171,9 @@ function mark({ design, scan, matches }, { transform }) {
   const partner = new Map(matches.flatMap(({ design: a, scan: b, residual_mm: away }) => [[`design ${a}`, { id: b, away }], [`scan ${b}`, { id: a, away }]]));
   const inFile = (each) => (now.isAligned && transform ? moved(transform.matrix, each.position_mm) : each.position_mm);
   const name = now.results.type === 'registration' ? 'design' : 'mesh';
-  viewer.landmarks(design.map((each) => ({ ...words(each, name), partner: partner.get(`design ${each.id}`) })));
-  viewer.landmarks(scan.map((each) => ({ ...words(each, 'scan'), position: inFile(each), partner: partner.get(`scan ${each.id}`) })), true);
-  if (matches.length) viewer.matches(matches.map((each) => [ofDesign.get(each.design).position_mm, inFile(ofScan.get(each.scan))]));
+  viewer.marks.landmarks(design.map((each) => ({ ...words(each, name), partner: partner.get(`design ${each.id}`) })));
+  viewer.marks.landmarks(scan.map((each) => ({ ...words(each, 'scan'), position: inFile(each), partner: partner.get(`scan ${each.id}`) })), true);
+  if (matches.length) viewer.marks.matches(matches.map((each) => [ofDesign.get(each.design).position_mm, inFile(ofScan.get(each.scan))]));
 }
 
 // --- poses
@@ -214,7 +202,8 @@ function pose(name) {
   $('pose-note').textContent = notes.join(' ');
   viewer.point(null);
   viewer.pose(now.isAligned ? times(now.pose, inverse(now.results.transform.matrix)) : now.pose);
-  viewer.fit();
+  viewer.view.fit();
+  section.posed(name === 'final');
 }
 
 /** From a mesh's own frame to where it is shown. */
@@ -251,7 +240,7 @@ function describe({ mark: landmark, what, vertex, point }) {
 function deviation(position) {
   const found = viewer.deviationNear(position);
   if (!found) return '';
-  if (found.away > Math.max(FAR * viewer.diagonal(), 2 * viewer.spacing)) return ', no scan there';
+  if (found.away > Math.max(FAR * viewer.diagonal(), 2 * viewer.scan.spacing)) return ', no scan there';
   return said(found.mm);
 }
 

@@ -20,7 +20,7 @@ export async function show(job, results, sizes, signal) {
   $('how').open = false;
   $('viewer').hidden = !sizes.has('design.glb');
   $('measure').hidden = $('viewer').hidden || !results.transform;
-  const shown = sizes.has('design.glb') ? part.openRegistration(job.id, results, sizes, signal) : null;
+  const shown = sizes.has('design.glb') ? part.openRegistration(job, results, sizes, signal) : null;
   const opened = centres.open(job, results, shown && part.panel, sizes, signal);
   await Promise.all([shown, opened]);
 }

@@ -1,38 +1,41 @@
-/** A cross-section: the outlines of design and scan in a plane, the deviation of the scan drawn larger. */
+/** A cross-section: the plane, its handle on the part, and the outlines of design and scan in it, the deviation of the scan drawn larger. */
 
 import * as colours from './colours.js';
 import { $ } from './dom.js';
 import * as legend from './legend.js';
-import { below } from './overlay.js';
+import * as plot from './section_plot.js';
 
-const NAMES = 'xyz';
-const ACROSS = [[1, 2], [0, 2], [0, 1]]; // the axes of the drawing, of a plane across x, y, z
-const MARGIN = 40; // pixels
+export const NAMES = 'xyz';
+const ALONG = 0.2; // of a mm on the screen: an axis that is seen shorter is dragged upwards
+const STEPS = 500; // of the slider
+const LEAP = 10; // steps of a page key
+const GREY = [128, 128, 128];
 
-let now = null; // {viewer, view: {u, v, scale} of the drawing, drawn: its outlines}
+let now = null; // {viewer, isFinal: the scan is in the final pose}
+let due = 0;
 
 for (const id of ['section-axis', 'section-times', 'clip']) $(id).addEventListener('change', () => { if (id === 'section-axis') reach(); draw(); });
-$('section-slider').addEventListener('input', () => { $('section-mm').value = Number(Number($('section-slider').value).toFixed(3)); draw(); });
+$('section-slider').addEventListener('input', () => move(Number($('section-slider').value)));
 $('section-mm').addEventListener('input', () => { $('section-slider').value = $('section-mm').value; draw(); });
 $('section').addEventListener('toggle', () => { if (now) draw(); });
 document.addEventListener('recoloured', () => { if (now) draw(); });
-$('section-plot').addEventListener('wheel', (event) => {
-  if (!now?.view) return;
+$('section-handle').addEventListener('pointerdown', grip);
+$('section-handle').addEventListener('keydown', (event) => {
+  const { min, max, step } = $('section-slider');
+  const by = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: LEAP, PageDown: -LEAP }[event.key];
+  const ends = { Home: Number(min), End: Number(max) };
+  if (!by && !(event.key in ends)) return;
   event.preventDefault();
-  zoom(event, event.deltaY < 0 ? 1.25 : 0.8);
-}, { passive: false });
-$('section-plot').addEventListener('pointermove', (event) => {
-  if (!now?.view || !event.buttons) return;
-  const ratio = $('section-plot').width / $('section-plot').clientWidth;
-  now.view.u -= (event.movementX * ratio) / now.view.scale;
-  now.view.v += (event.movementY * ratio) / now.view.scale;
-  paint();
+  move(by ? offset() + by * Number(step) : ends[event.key]);
 });
-$('section-plot').addEventListener('dblclick', () => { if (now) draw(); });
+
+const axisOf = () => NAMES.indexOf($('section-axis').value);
+const offset = () => Number($('section-mm').value);
+const times = () => Number($('section-times').value);
 
 /** The plane begins at the place of the largest deviation. at : {position, normal or null} in the frame of the design */
 export function open(viewer, at) {
-  now = { viewer, view: null, drawn: null };
+  now = { viewer, isFinal: true };
   const sizes = (at.normal ?? [0, 0, 1]).map(Math.abs);
   $('section-axis').value = NAMES[sizes.indexOf(Math.min(...sizes))]; // the plane has the normal in it: it shows the deviation in full
   $('section-times').value = '1';
@@ -42,156 +45,92 @@ export function open(viewer, at) {
 }
 
 export function close() {
+  cancelAnimationFrame(due);
+  due = 0;
   now = null;
+  plot.clear();
+  $('section-handle').hidden = true;
+}
+
+/** Deviations are those of the final pose: in another one the part has no outline of the scan. */
+export function posed(isFinal) {
+  if (!now || now.isFinal === isFinal) return;
+  now.isFinal = isFinal;
+  draw();
+}
+
+/** Another part of it is shown. */
+export function redraw() {
+  if (now) draw();
 }
 
 /** The ends of the slider. */
 function reach(position) {
   if (!now) return;
-  const axis = NAMES.indexOf($('section-axis').value);
+  const axis = axisOf();
   const box = now.viewer.box();
   const [low, high] = [box.min.getComponent(axis), box.max.getComponent(axis)];
   const value = position ? position[axis] : (low + high) / 2;
-  Object.assign($('section-slider'), { min: low, max: high, step: (high - low) / 500, value });
+  Object.assign($('section-slider'), { min: low, max: high, step: (high - low) / STEPS, value });
   $('section-mm').value = Number(value.toFixed(3));
 }
 
+function move(mm) {
+  const { min, max } = $('section-slider');
+  const value = Math.min(Number(max), Math.max(Number(min), mm));
+  $('section-slider').value = value;
+  $('section-mm').value = Number(value.toFixed(3));
+  draw();
+}
+
+/** In the next frame, once for all calls until then. */
 function draw() {
-  if (!now) return;
-  const { viewer } = now;
-  const axis = NAMES.indexOf($('section-axis').value);
-  const offset = Number($('section-mm').value);
+  due ||= requestAnimationFrame(() => {
+    due = 0;
+    if (now) drawNow();
+  });
+}
+
+function drawNow() {
+  const { viewer, isFinal } = now;
+  const axis = axisOf();
   const isOpen = $('section').open;
-  viewer.clip(axis, isOpen && $('clip').checked ? offset : null);
-  if (!isOpen) {
-    viewer.drawOutline([]);
-    return;
-  }
-  const design = viewer.design.children[0];
-  const scan = viewer.scan.children[0];
-  const outlines = {
-    design: design ? cut(design.geometry, axis, offset) : [],
-    scan: scan && !scan.isPoints ? cut(scan.geometry, axis, offset, viewer.values, viewer.scanSide()) : [],
-    points: scan?.isPoints ? slab(scan.geometry, axis, offset, viewer.spacing, viewer.values) : [],
-  };
-  viewer.drawOutline(outlines.design.flatMap(({ ends }) => ends.flatMap(({ at }) => at)));
-  now.drawn = outlines;
-  now.view = fitting(outlines, axis);
-  paint();
+  viewer.clip(axis, isOpen && $('clip').checked ? offset() : null);
+  const outlines = isOpen ? cuts(viewer, axis) : { design: [], scan: [], points: [] };
+  viewer.marks.outlines.design.material.color.setStyle(getComputedStyle($('section-plot')).color);
+  viewer.marks.outline('design', outlines.design.flatMap(({ ends }) => ends.flatMap(({ at }) => at)));
+  const drawn = isFinal ? outlines.scan : [];
+  viewer.marks.outline('scan', drawn.flatMap(({ ends }) => ends.flatMap(({ at }) => at)), drawn.flatMap(({ ends }) => ends.flatMap(({ mm }) => colour(mm))));
+  viewer.draw();
+  if (!isOpen) return;
+  plot.show(outlines, axis, colour);
   const isEmpty = !outlines.design.length && !outlines.scan.length && !outlines.points.length;
-  const times = Number($('section-times').value);
   $('section-note').textContent = isEmpty ? 'The plane misses the part.'
-    : `Black: design. Coloured: scan${times > 1 && !scan?.isPoints ? `, its deviation drawn ${times} times as large` : ''}. Wheel zooms, drag moves, a double click shows all.`;
+    : `Black: design. Coloured: scan${times() > 1 && !viewer.isCloud ? `, its deviation drawn ${times()} times as large` : ''}. Wheel zooms, drag moves, a double click shows all. The handle on the part moves the plane.`;
 }
 
-/** The segments in which a surface meets the plane: [{ends: [{at, mm, normal}, ...]}], in the frame of its geometry.
- *  values : deviation of each vertex; side : as `Viewer.scanSide` */
-export function cut(geometry, axis, offset, values = null, side = 1) {
-  const at = geometry.attributes.position.array;
-  const normals = geometry.attributes.normal?.array;
-  const index = geometry.index?.array;
-  const count = index ? index.length : at.length / 3;
-  const found = [];
-  for (let k = 0; k < count; k += 3) {
-    const i0 = index ? index[k] : k;
-    const i1 = index ? index[k + 1] : k + 1;
-    const i2 = index ? index[k + 2] : k + 2;
-    const a = at[3 * i0 + axis] - offset;
-    const b = at[3 * i1 + axis] - offset;
-    const c = at[3 * i2 + axis] - offset;
-    if ((a > 0) === (b > 0) && (b > 0) === (c > 0)) continue; // most of a million: nothing is made for them
-    const corners = [i0, i1, i2];
-    const ends = [];
-    for (const [i, j, from, to] of [[0, 1, a, b], [1, 2, b, c], [2, 0, c, a]]) {
-      if ((from > 0) === (to > 0)) continue;
-      const share = from / (from - to);
-      const mix = (array, part, width) => (1 - share) * array[width * corners[i] + part] + share * array[width * corners[j] + part];
-      const isBoth = values && colours.isCounted(values[corners[i]]) && colours.isCounted(values[corners[j]]);
-      ends.push({ at: [0, 1, 2].map((part) => mix(at, part, 3)), mm: isBoth ? mix(values, 0, 1) : null, normal: normals ? [0, 1, 2].map((part) => side * mix(normals, part, 3)) : [0, 0, 0] });
-    }
-    if (ends.length === 2) found.push({ ends });
-  }
-  return found;
-}
-
-/** The points of a cloud within `spacing` / 2 of the plane: [{at, mm}]. */
-function slab(geometry, axis, offset, spacing, values) {
-  const at = geometry.attributes.position.array;
-  const found = [];
-  for (let k = 0; k < at.length / 3; k += 1) {
-    if (Math.abs(at[3 * k + axis] - offset) < spacing / 2) found.push({ at: [at[3 * k], at[3 * k + 1], at[3 * k + 2]], mm: values && colours.isCounted(values[k]) ? values[k] : null });
-  }
-  return found;
-}
-
-/** Where a point of the scan is drawn, its deviation so many times as large. */
-function drawnAt({ at, mm, normal }) {
-  const times = Number($('section-times').value);
-  return mm === null ? at : at.map((part, k) => part + (times - 1) * mm * normal[k]);
-}
-
-function fitting({ design, scan, points }, axis) {
-  const [u, v] = ACROSS[axis];
-  const apart = scan.flatMap(({ ends }) => ends.map((end) => ({ at: drawnAt(end) })));
-  const all = [...design.flatMap(({ ends }) => ends), ...apart, ...points];
-  if (!all.length) return null;
-  const { width, height } = $('section-plot');
-  const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
-  for (const { at } of all) {
-    [u, v].forEach((part, k) => {
-      low[k] = Math.min(low[k], at[part]);
-      high[k] = Math.max(high[k], at[part]);
-    });
-  }
-  const scale = Math.min((width - 2 * MARGIN) / Math.max(high[0] - low[0], 1e-6), (height - 2 * MARGIN) / Math.max(high[1] - low[1], 1e-6));
-  return { u: (low[0] + high[0]) / 2, v: (low[1] + high[1]) / 2, scale };
-}
-
-function zoom(event, by) {
-  const plot = $('section-plot');
-  const ratio = plot.width / plot.clientWidth;
-  const { view } = now;
-  const du = (event.offsetX * ratio - plot.width / 2) / view.scale;
-  const dv = (plot.height / 2 - event.offsetY * ratio) / view.scale;
-  view.u += du * (1 - 1 / by);
-  view.v += dv * (1 - 1 / by);
-  view.scale *= by;
-  paint();
-}
-
-function paint() {
-  const plot = $('section-plot');
-  const pen = plot.getContext('2d');
-  pen.clearRect(0, 0, plot.width, plot.height);
-  if (!now?.view) return;
-  const { view, drawn } = now;
-  const axis = NAMES.indexOf($('section-axis').value);
-  const [u, v] = ACROSS[axis];
-  const ink = getComputedStyle(plot).color;
-  const scale = legend.current();
-  const place = (at) => [plot.width / 2 + (at[u] - view.u) * view.scale, plot.height / 2 - (at[v] - view.v) * view.scale];
-  const colour = (mm) => (mm === null || !scale ? 'rgb(128 128 128)' : `rgb(${strong(colours.of(mm, scale))})`);
-  const line = (from, to) => {
-    pen.beginPath();
-    pen.moveTo(...place(from));
-    pen.lineTo(...place(to));
-    pen.stroke();
+function cuts(viewer, axis) {
+  const { design, scan } = viewer;
+  return {
+    design: design?.cut(axis, offset()) ?? [],
+    scan: scan && !scan.isCloud ? scan.cut(axis, offset()).map(({ ends }) => ({ ends: ends.map(exaggerated) })) : [],
+    points: scan?.isCloud ? scan.slab(axis, offset(), scan.spacing / 2) : [],
   };
-  pen.lineCap = 'round';
-  pen.strokeStyle = ink;
-  pen.lineWidth = 1.6;
-  for (const { ends: [a, b] } of drawn.design) line(a.at, b.at);
-  pen.lineWidth = 3;
-  for (const { ends: [a, b] } of drawn.scan) {
-    pen.strokeStyle = colour(a.mm === null || b.mm === null ? null : (a.mm + b.mm) / 2);
-    line(drawnAt(a), drawnAt(b));
-  }
-  for (const { at, mm } of drawn.points) {
-    pen.fillStyle = colour(mm);
-    const [x, y] = place(at);
-    pen.fillRect(x - 2, y - 2, 4, 4);
-  }
-  furniture(pen, plot, view, ink, NAMES[u], NAMES[v]);
+}
+
+/** A point of the scan where it is drawn: its way from the nearest place of the design is so many times as long. */
+function exaggerated({ at, mm }) {
+  const { design } = now.viewer;
+  if (mm === null || times() === 1 || !design.bvh) return { at, mm };
+  const foot = design.foot(at);
+  const way = Math.hypot(...at.map((part, k) => part - foot[k]));
+  const more = way > 0 ? ((times() - 1) * Math.abs(mm)) / way : 0;
+  return { at: at.map((part, k) => part + more * (part - foot[k])), mm };
+}
+
+function colour(mm) {
+  const scale = legend.current();
+  return mm === null || !scale ? GREY : strong(colours.of(mm, scale));
 }
 
 /** Neutral grey would not show beside a grey page: darker, the more neutral. */
@@ -200,25 +139,60 @@ function strong(rgb) {
   return rgb.map((part) => Math.round(part * (spread > 60 ? 0.9 : 0.55)));
 }
 
-function furniture(pen, plot, view, ink, across, up) {
-  const length = below(160 / view.scale);
-  const pixels = length * view.scale;
-  const [x, y] = [plot.width - pixels - 20, plot.height - 16];
-  pen.strokeStyle = ink;
-  pen.fillStyle = ink;
-  pen.lineWidth = 1.6;
-  pen.font = '20px system-ui, sans-serif';
-  pen.beginPath();
-  pen.moveTo(x, y - 8);
-  pen.lineTo(x, y);
-  pen.lineTo(x + pixels, y);
-  pen.lineTo(x + pixels, y - 8);
-  pen.moveTo(24, y - 60);
-  pen.lineTo(24, y);
-  pen.lineTo(84, y);
-  pen.stroke();
-  pen.textAlign = 'center';
-  pen.fillText(`${Number(length.toPrecision(3))} mm`, x + pixels / 2, y - 12);
-  pen.fillText(across, 98, y + 6);
-  pen.fillText(up, 24, y - 68);
+// --- the plane on the part
+
+/** Corners of the plane in the box of the part, or null while it is not shown. */
+export function plane() {
+  if (!now || !$('section').open) return null;
+  const axis = axisOf();
+  const { min, max } = now.viewer.box();
+  const [u, v] = plot.ACROSS[axis];
+  return [[min, min], [max, min], [max, max], [min, max]].map(([a, b]) => {
+    const corner = [0, 0, 0];
+    corner[axis] = offset();
+    corner[u] = a.getComponent(u);
+    corner[v] = b.getComponent(v);
+    return corner;
+  });
+}
+
+/** After each frame: the handle stands at the corner of the plane that is farthest from the middle of the screen, where no pin is. */
+export function placeHandle() {
+  const corners = plane();
+  const handle = $('section-handle');
+  handle.hidden = !corners;
+  if (!corners) return;
+  const { canvas, view } = now.viewer;
+  const off = ([x, y]) => Math.hypot(x - canvas.clientWidth / 2, y - canvas.clientHeight / 2);
+  const [x, y] = corners.map((each) => view.toScreen(each)).reduce((best, each) => (off(each) > off(best) + 1 ? each : best));
+  const inside = (value, size) => Math.min(size - handle.offsetWidth / 2, Math.max(handle.offsetWidth / 2, value));
+  handle.style.left = `${canvas.offsetLeft + canvas.clientLeft + inside(x, canvas.clientWidth)}px`;
+  handle.style.top = `${canvas.offsetTop + canvas.clientTop + inside(y, canvas.clientHeight)}px`;
+  const { min, max } = $('section-slider');
+  const said = { valuemin: min, valuemax: max, valuenow: offset(), valuetext: `${$('section-axis').value} ${offset()} mm` };
+  for (const [name, value] of Object.entries(said)) handle.setAttribute(`aria-${name}`, value);
+}
+
+function grip(event) {
+  if (!now) return;
+  event.preventDefault();
+  const handle = $('section-handle');
+  handle.focus();
+  handle.setPointerCapture(event.pointerId);
+  const { view } = now.viewer;
+  const at = plane()[0];
+  const beside = [...at];
+  beside[axisOf()] += 1;
+  const [a, b] = [at, beside].map((each) => view.toScreen(each));
+  const pixels = [b[0] - a[0], b[1] - a[1]]; // of a millimetre along the axis
+  const size = Math.hypot(...pixels);
+  const isAlong = size * view.mmPerPixel() > ALONG;
+  const from = { mm: offset(), x: event.clientX, y: event.clientY };
+  const drag = ({ clientX, clientY }) => {
+    const [x, y] = [clientX - from.x, clientY - from.y];
+    move(from.mm + (isAlong ? (x * pixels[0] + y * pixels[1]) / size ** 2 : -y * view.mmPerPixel()));
+  };
+  handle.addEventListener('pointermove', drag);
+  const release = () => handle.removeEventListener('pointermove', drag);
+  for (const kind of ['pointerup', 'pointercancel']) handle.addEventListener(kind, release, { once: true });
 }

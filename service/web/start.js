@@ -2,6 +2,7 @@
 
 import * as api from './api.js';
 import { $, say } from './dom.js';
+import * as acceptance from './acceptance.js';
 import * as earlier from './earlier.js';
 import * as reading from './reading.js';
 import * as study from './study_form.js';
@@ -33,6 +34,7 @@ dress();
 
 /** Offer what was sent before; `job`: choose its meshes. */
 export async function show(job = null) {
+  acceptance.clear();
   await earlier.offer(Object.fromEntries(Object.entries(slots).map(([name, { before }]) => [name, before])));
   reading.clear();
   if (!job) return;
@@ -50,6 +52,7 @@ export async function show(job = null) {
   const results = job.status === 'successful' ? await api.json(`/v1/jobs/${job.id}/results`) : null;
   if (results) remember(results);
   reading.show(job, results);
+  acceptance.show(job);
 }
 
 /** What was asked of the job, as far as its results say. */
@@ -102,7 +105,7 @@ function tell({ file, said, before, box }) {
 function dress() {
   const wanted = MESHES[$('form').elements.type.value];
   for (const [name, { box }] of Object.entries(slots)) box.hidden = !wanted.includes(name);
-  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'acceptance', 'reading']) $(field).hidden = !wanted.includes('scan');
+  for (const field of ['tolerance-field', 'accuracy-field', 'within-field', 'serial-field', 'acceptance-box', 'reading']) $(field).hidden = !wanted.includes('scan');
   study.dress($('form').elements.type.value);
   $('go').textContent = ACTION[$('form').elements.type.value];
 }
@@ -123,6 +126,7 @@ async function submit(event) {
     location.hash = (await sent(type, options(form, type))).id;
     form.reset();
     reading.clear();
+    acceptance.clear();
     for (const slot of Object.values(slots)) tell(slot);
     dress();
   } catch (error) {
@@ -141,27 +145,13 @@ function options(form, type) {
     ...(Object.keys(units).length ? { units } : {}),
     ...(type === 'registration' && tolerance.value ? { tolerance_mm: Number(tolerance.value) } : {}),
     ...(type === 'registration' && accuracy.value ? { scan_accuracy_mm: Number(accuracy.value) } : {}),
-    ...(type === 'registration' ? acceptance(form.elements) : {}),
+    ...(type === 'registration' ? acceptance.read(form.elements) : {}),
     ...(type === 'registration' && serial.value ? { reference: { serial: serial.value } } : {}),
     ...(type === 'registration' ? reading.options() : {}),
     ...(type === 'study' ? { study: study.options() } : {}),
     ...(label.value ? { label: label.value } : {}),
     ...(preset.value === 'default' ? {} : { preset: preset.value }),
   };
-}
-
-/** What the part must satisfy: the JSON, and each field over its key. */
-function acceptance(elements) {
-  let stated = {};
-  try {
-    if (elements.acceptance.value.trim()) stated = JSON.parse(elements.acceptance.value);
-  } catch (error) {
-    throw new Error(`Regions, points and distances: not JSON (${error.message}).`);
-  }
-  if (typeof stated !== 'object' || stated === null || Array.isArray(stated)) throw new Error('Regions, points and distances: give a JSON object, as {"points": [...]}.');
-  for (const name of ['lower_mm', 'upper_mm', 'max_deviation_mm']) if (elements[name].value) stated[name] = Number(elements[name].value);
-  for (const name of ['min_within', 'min_coverage', 'min_confidence']) if (elements[name].value) stated[name] = Number(elements[name].value) / 100;
-  return Object.keys(stated).length ? { acceptance: stated } : {};
 }
 
 /** One form where all meshes are files; else what is new goes first, and the job names blobs. */

@@ -7,7 +7,8 @@ const TURN = Math.PI / 36;
 
 /** Call onHover and onPick of `viewer`. Returns a function that cancels what is scheduled. */
 export function listen(viewer) {
-  const { canvas, controls } = viewer;
+  const { canvas, view } = viewer;
+  const { controls } = view;
   let frame;
   let rest;
   let took = 0;
@@ -36,7 +37,7 @@ export function listen(viewer) {
     if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > CLICK_PX) return;
     const target = viewer.under(event);
     viewer.onHover(target);
-    viewer.onPick(target);
+    viewer.onPick(target, event);
   });
   canvas.addEventListener('keydown', (event) => {
     const action = {
@@ -44,9 +45,9 @@ export function listen(viewer) {
       ArrowRight: () => controls.rotateLeft(-TURN),
       ArrowUp: () => controls.rotateUp(TURN),
       ArrowDown: () => controls.rotateUp(-TURN),
-      '+': () => viewer.zoom(0.85),
-      '=': () => viewer.zoom(0.85),
-      '-': () => viewer.zoom(1 / 0.85),
+      '+': () => view.zoom(0.85),
+      '=': () => view.zoom(0.85),
+      '-': () => view.zoom(1 / 0.85),
       0: () => viewer.onReset?.(),
     }[event.key];
     if (!action || event.ctrlKey || event.metaKey || event.altKey) return;

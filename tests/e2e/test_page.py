@@ -116,7 +116,14 @@ def test_what_is_shown_is_chosen(watched: Watched, registered: Job) -> None:
     page = watched.open(registered)
     plain = pixels(page)
     page.check("#show-design")
-    assert np.abs(pixels(page) - plain).mean() > 1.0  # a veil, through which the colours are seen
+    veiled = pixels(page)
+    assert np.abs(veiled - plain).mean() > 1.0
+    red = [(image[..., 0] - image[..., 2] > 25).mean() for image in (veiled, plain)]
+    assert red[0] > 0.3 * red[1] > 0.0  # a veil, through which the colours are seen
+    page.uncheck("#show-scan")
+    assert changed(pixels(page), veiled) > 0.02  # alone it is a body
+    page.check("#show-scan")
+    assert changed(pixels(page), veiled) == 0.0
     page.uncheck("#show-design")
     for box, least in (("#show-landmarks", 0.0005), ("#show-matches", 0.0005)):
         page.check(box)

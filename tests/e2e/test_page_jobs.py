@@ -127,6 +127,7 @@ def test_a_running_job_is_watched_and_cancelled(
     expect(page.locator("#job-rows tr", has_text="too long")).to_contain_text("running")
     page.click("#job-rows tr:has-text('too long') a")
     page.click("#cancel")
+    expect(page.locator("#failed")).to_be_visible()  # its text may be that of the job before
     expect(page.locator("#failed")).to_contain_text("dismissed")
     assert running.client.job(job.id).status == "dismissed"
     page.on("dialog", lambda dialog: dialog.accept())
@@ -205,7 +206,7 @@ def test_limits_go_with_the_job_and_wrong_ones_are_refused(
     page = watched.page
     for mesh in ("design", "scan"):
         page.set_input_files(f"input[name={mesh}]", design)
-    page.click("#acceptance summary")
+    page.click("#acceptance-box summary")
     page.fill("#acceptance-json", '{"points": ')
     page.click("#go")
     expect(page.locator("#refused")).to_contain_text("not JSON")

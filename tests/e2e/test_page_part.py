@@ -6,30 +6,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Page, expect
 
 from pipeline.core.mesh import Mesh
 from pipeline.report.glb import DisplayMesh, write_glb
 from service.contract.schemas import Job
-from tests.support.browser import Watched, coloured, hover_over, pixels, results
+from tests.support.browser import Watched, coloured, hover_over, pixels, results, rewritten
 from tests.support.running import RunningService
 from tests.support.shapes import icosphere
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 
 SWITCHES = ("#show-scan", "#show-design", "#show-landmarks", "#show-matches", "#show-pins")
-
-
-def rewritten(page: Page, change: Any) -> None:
-    """The results of jobs, changed on their way to the page."""
-
-    def answer(route: Route) -> None:
-        fetched = route.fetch()
-        document = fetched.json()
-        change(document)
-        route.fulfill(response=fetched, json=document)
-
-    page.route("**/results", answer)
 
 
 def dropped(page: Page, selector: str, names: list[str]) -> bool:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from service.contract.schemas import Job
 from tests.support.running import RunningService
@@ -88,3 +88,15 @@ def drag(page: Page, selector: str, by: tuple[float, float]) -> None:
 def results(running: RunningService, job_id: str) -> dict[str, Any]:
     found: dict[str, Any] = running.client.results(job_id)
     return found
+
+
+def rewritten(page: Page, change: Any) -> None:
+    """The results of jobs, changed on their way to the page."""
+
+    def answer(route: Route) -> None:
+        fetched = route.fetch()
+        document = fetched.json()
+        change(document)
+        route.fulfill(response=fetched, json=document)
+
+    page.route("**/results", answer)

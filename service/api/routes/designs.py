@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Request, Response
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 
@@ -99,10 +99,19 @@ def _put(
     responses={304: {"description": "Not changed since If-None-Match."}, **problems(401, 403, 404, 422, 429)},
 )
 def get_characteristics(
-    blob: DesignId, request: Request, api: UseApi, caller: Reads, if_none_match: IfNoneMatch = None
+    blob: DesignId,
+    request: Request,
+    api: UseApi,
+    caller: Reads,
+    if_none_match: IfNoneMatch = None,
+    empty: Annotated[
+        bool, Query(description="where nothing is kept, answer an empty document instead of 404")
+    ] = False,
 ) -> Response:
     """Get what is kept with a design. The ETag changes with the content."""
     row = api.jobs.characteristics(blob, caller.tenant)
+    if row is None and empty:
+        return Response(Characteristics().model_dump_json(), media_type="application/json")
     if row is None:
         raise NoCharacteristics(f"the design {blob} has no characteristics; store them here by PUT")
     if if_none_match is not None and is_known(request, _etag(row)):

@@ -72,6 +72,7 @@ def test_limits_that_a_job_leaves_out_are_those_of_the_design(service: Service, 
 def test_a_document_is_changed_only_as_it_is_known(service: Service, address: str) -> None:
     http = service.http
     assert_problem(http.get(address), 404, "no_characteristics")
+    assert http.get(address, params={"empty": True}).json()["regions"] == []
     assert_problem(http.put(address, json=KEPT, headers={"If-Match": "*"}), 412, "precondition_failed")
     made = http.put(address, json=KEPT, headers={"If-None-Match": "*"})
     assert made.status_code == 201
