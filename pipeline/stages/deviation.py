@@ -85,7 +85,7 @@ def deviation_of_design(
         signed = np.where(outward < 0, -distance, distance)
         counted = np.asarray(distance <= inlier_distance_mm)
     else:
-        signed, ends_there = signed_to_scan(vertices, scan, surface, fit)
+        signed, ends_there, _ = signed_to_scan(vertices, scan, surface, fit)
         counted = ~ends_there
     weights = design.mesh.weights() * counted
     if weights.sum() == 0:
@@ -96,9 +96,10 @@ def deviation_of_design(
 
 def signed_to_scan(
     points: FloatArray, scan: Mesh, surface: Surface, fit: Fit
-) -> tuple[FloatArray, BoolArray]:
-    """(k,) signed distance of places of the design to the scan, mm, + where the scan is outside the design,
-    and (k,) whether the scan ends there: its closest place lies on an open border.
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """(k,) signed distance of places of the design to the scan, mm, + where the scan is outside the design;
+    (k,) whether the scan ends there: its closest place lies on an open border; (k, 3) mm, the way to that
+    place, frame of the design.
 
     points : (k, 3) mm, frame of the design; surface : of the scan, in its own frame
     """
@@ -108,7 +109,8 @@ def signed_to_scan(
     # The design decides which side of an open scan is its inside.
     scan_cross = rigid.rotated(fit.T_design_scan[:3, :3], scan.face_cross_mm2())
     agrees = float(np.einsum("md,md->", scan_cross, fit.closest.normal[scan.faces[:, 0]])) >= 0
-    return inside if agrees else -inside, surface.on_open_border(closest)
+    way_mm = rigid.rotated(fit.T_design_scan[:3, :3], closest.point - in_scan)
+    return inside if agrees else -inside, surface.on_open_border(closest), way_mm
 
 
 def side_of(design: Mesh) -> DesignSide:
