@@ -193,6 +193,7 @@ GERMAN_FINDINGS: dict[str, str] = {
     "normal agreement": "Übereinstimmung der Normalen",
     "matched landmarks": "zugeordnete Landmarken",
     "lead": "Vorsprung",
+    "distinct lead": "Vorsprung vor anderen Formen",
     "mirror": "Spiegelbild",
     "RMS distance of the scan to the design beyond what the scanner explains, over 0.9 % of the diagonal "
     "(log10)": (
@@ -212,6 +213,9 @@ GERMAN_FINDINGS: dict[str, str] = {
     ),
     "score of the best other pose over that of this one (natural log, at most 2)": (
         "Kosten der besten anderen Lage, bezogen auf diese (natürlicher Logarithmus, höchstens 2)"
+    ),
+    "the same of the best other pose at which the design does not repeat itself": (
+        "dasselbe für die beste andere Lage, an der das Soll sich nicht wiederholt"
     ),
     "residual of the mirrored scan over that of the scan (log10); 0: not tested": (
         "Restabweichung des gespiegelten Scans, bezogen auf die des Scans (log10); 0: nicht geprüft"

@@ -87,9 +87,10 @@ class Remesher {
     // quality alone must gain as much. Chosen by hand.
     static constexpr double kQualityShare = 0.6;
     // Distance of the new edge from the old one, as a share of the length asked for, up to which an edge is
-    // flipped. Derived: that of two equilateral triangles that meet at the least angle of a crease, 30
-    // degrees. Longer triangles leave the surface by far more at the same angle.
-    static constexpr double kApart = 0.25;
+    // flipped. Derived: that of two equilateral triangles with the longest edges that are not split, at the
+    // largest angle at which both may turn into one plane (`kMinTurnCosine`). So it stops only the flips of
+    // longer triangles, which leave the surface by far more at the same angle.
+    static constexpr double kApart = 1.0;
     // No flip and no move makes a triangle worse than `kMinQuality`, unless it was, and no collapse worse
     // than `kFlat`: needles must go. Chosen by hand.
     static constexpr double kMinQuality = 0.1, kFlat = 0.01;

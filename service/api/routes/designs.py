@@ -87,9 +87,10 @@ def _put(
     elif before is not None and (if_match.strip() == ANY or _etag(before) in _tags(if_match)):
         row = api.jobs.put_characteristics(blob, caller.tenant, given, expected=before.version)
     if row is None:
-        raise PreconditionFailed(
-            f"what is kept with {blob} is another version than If-Match names; get it, and repeat the change"
+        found = (
+            "is another version than If-Match names" if if_match else "is there already (If-None-Match: *)"
         )
+        raise PreconditionFailed(f"what is kept with {blob} {found}; get it, and repeat the change")
     return _answer(row, 201 if before is None else 200)
 
 

@@ -27,9 +27,9 @@ def test_what_is_kept_is_put_read_changed_and_forgotten(service: Service, tmp_pa
     blob, version = said("put", design, drawing, "--only-new").split()
     assert said("version", design).strip() == said("version", blob).strip() == version
     drawing.write_text('{"tolerance_mm": 0.3}')
-    assert "not what the request expects" in run("put", blob, drawing, "--only-new").output
+    assert "is there already" in run("put", blob, drawing, "--only-new").output
     assert said("put", blob, drawing, "--if-version", version).split()[0] == blob
-    assert "not what the request expects" in run("put", blob, drawing, "--if-version", version).output
+    assert "another version" in run("put", blob, drawing, "--if-version", version).output
     assert json.loads(said("get", design))["tolerance_mm"] == 0.3
     said("delete", design)
     for wrong, words in (
