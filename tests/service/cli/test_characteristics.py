@@ -33,7 +33,7 @@ def test_what_is_kept_is_put_read_changed_and_forgotten(service: Service, tmp_pa
     assert json.loads(said("get", design))["tolerance_mm"] == 0.3
     said("delete", design)
     for wrong, words in (
-        (("get", design), "nothing is kept"),
+        (("get", design), "has no characteristics"),
         (("get", "sha256"), "no such file"),
         (("put", blob, drawing, "--only-new", "--if-version", "x"), "contradict"),
         (("put", blob, design), "not JSON"),
