@@ -13,7 +13,8 @@ class ScoreLimits:
     at
     0.5 to 0.8 of the limit, printed copies below 0.2
     loose_fit_margin : score ratio required under a loose fit. Chosen by hand: a sixth of an arch fitted a
-    wrong place at 1.57
+    wrong place at 1.57; a tighter fit needs less (`required_ratio`): one view of a nearly square part by a
+    camera fitted a wrong pose, 0.32 % of the diagonal off, by 1.40
     numerical_floor_share : of the diagonal; RMS distances below it are rounding. Chosen by hand, well above
     the 1e-7 of the diagonal to which the closest-point query is exact
     """
@@ -38,6 +39,11 @@ def is_loose(truncated_rms_mm: float, diagonal_mm: float, settings: Registration
 
 
 def required_ratio(truncated_rms_mm: float, diagonal_mm: float, settings: RegistrationSettings) -> float:
-    """Another pose whose score ratio is below this makes the best one ambiguous."""
-    loose = is_loose(truncated_rms_mm, diagonal_mm, settings)
-    return SCORE_LIMITS.loose_fit_margin if loose else settings.rival_margin
+    """Another pose whose score ratio is below this makes the best one ambiguous.
+
+    From `rival_margin` for a fit without a residual it grows to `loose_fit_margin` for a loose one, in
+    proportion to the residual: what is left is distortion too, and may favour a wrong pose.
+    """
+    loose_mm = SCORE_LIMITS.loose_fit_share * settings.max_residual_share * diagonal_mm
+    looseness = min(1.0, truncated_rms_mm / loose_mm)
+    return settings.rival_margin + looseness * max(0.0, SCORE_LIMITS.loose_fit_margin - settings.rival_margin)

@@ -133,8 +133,13 @@ class Case:
         )
 
     def has_close_alternative(self, settings: RegistrationSettings) -> bool:
-        """Whether a pose that is no symmetry scores less than the margin times the best."""
-        required = required_ratio(self.rms_mm, self.diagonal_mm, settings)
+        """Whether a pose that is no symmetry scores less than the margin times the best.
+
+        A scanner that is as inaccurate as a loose fit asks for the margin of one, however well the scan fits:
+        its distortion may well favour the wrong pose.
+        """
+        left_mm = max(self.rms_mm, self.quality.accuracy_mm or 0.0)
+        required = required_ratio(left_mm, self.diagonal_mm, settings)
         return any(ratio < required for ratio in self.alternative_ratios())
 
     def mirror_fits_better(self) -> bool:

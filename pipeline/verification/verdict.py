@@ -26,9 +26,10 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
     that it is another part (`other_part`);
     under_constrained : a motion of the scan is less certain (1 sigma) than the tolerance, or
     `free_motion_share` of the diagonal;
-    ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (under
-    a loose fit, `loose_fit_margin` times); or the mirrored scan fits better (`mirror_better_ratio`) and
-    differs less in shape, but not by `mirror_gain`, or not as `ok` asks; or the scan is flat;
+    ambiguous : another pose, no symmetry of the design, scores less than `rival_margin` times the best (up to
+    `loose_fit_margin` times, the looser the fit or the less accurate the scanner); or the mirrored scan fits
+    better (`mirror_better_ratio`) and differs less in shape, but not by `mirror_gain`, or not as `ok` asks;
+    or the scan is flat;
     uncertain : the pose is the best by that margin, but the evidence is not enough for `ok`: a probability
     below `ok_same_part` or `ok_pose`, a residual above its limit, a place where the shapes differ, or another
     size along one direction or all;

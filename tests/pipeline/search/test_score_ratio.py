@@ -27,5 +27,16 @@ def test_a_loose_fit_needs_the_wider_margin() -> None:
     tight_mm = 0.99 * SCORE_LIMITS.loose_fit_share * LIMIT_MM
     loose_mm = 1.01 * SCORE_LIMITS.loose_fit_share * LIMIT_MM
     assert not is_loose(tight_mm, DIAGONAL_MM, SETTINGS) and is_loose(loose_mm, DIAGONAL_MM, SETTINGS)
-    assert required_ratio(tight_mm, DIAGONAL_MM, SETTINGS) == SETTINGS.rival_margin
     assert required_ratio(loose_mm, DIAGONAL_MM, SETTINGS) == SCORE_LIMITS.loose_fit_margin
+    assert required_ratio(0.0, DIAGONAL_MM, SETTINGS) == SETTINGS.rival_margin
+
+
+@given(st.floats(0.0, 2.0))
+def test_the_margin_grows_with_the_residual(share: float) -> None:
+    """Linearly, from one to the other; a margin that the user sets wider stays."""
+    loose_mm = SCORE_LIMITS.loose_fit_share * LIMIT_MM
+    low, high = SETTINGS.rival_margin, SCORE_LIMITS.loose_fit_margin
+    expected = low + min(share, 1.0) * (high - low)
+    assert required_ratio(share * loose_mm, DIAGONAL_MM, SETTINGS) == pytest.approx(expected)
+    wide = SETTINGS.model_copy(update={"rival_margin": 3.0})
+    assert required_ratio(share * loose_mm, DIAGONAL_MM, wide) == 3.0

@@ -126,7 +126,7 @@ def test_a_pose_at_which_the_design_repeats_itself_is_ambiguous_but_no_other_par
 
 def test_a_loose_fit_needs_the_wider_margin(case: Case) -> None:
     between = (LIMITS.rival_margin + LOOSE_MARGIN) / 2
-    assert judge(with_alternative(case, between, residual_share=0.2), LIMITS).status == "ok"
+    assert judge(with_alternative(case, between, residual_share=0.1), LIMITS).status == "ok"
     loose = judge(with_alternative(case, between, residual_share=0.9), LIMITS)
     assert loose.status == "ambiguous"
     assert {"loose_fit", "rival_pose"} <= codes(loose)
