@@ -31,10 +31,13 @@ def test_a_wall_below_the_edge_of_the_scan_was_not_seen() -> None:
     np.testing.assert_allclose(way_mm, [[0, 0, 1.8], [0, 0, 0.3]], atol=1e-9)
     np.testing.assert_allclose(signed_mm[1], 0.3)
     assert not ends_there.any()  # the scan goes on above both
-    assert lies_beside(way_mm, normals).tolist() == [True, False]
+    assert lies_beside(way_mm, normals, 0.01).tolist() == [True, False]
 
 
 def test_the_corner_of_a_box_with_one_face_moved_is_shown() -> None:
     normal = np.ones((1, 3)) / np.sqrt(3.0)
-    assert not lies_beside(np.array([[0.2, 0.0, 0.0]]), normal).any()
-    assert not lies_beside(np.zeros((1, 3)), normal).any()
+    assert not lies_beside(np.array([[0.2, 0.0, 0.0]]), normal, 0.01).any()
+
+
+def test_a_place_on_the_scan_is_shown_whatever_way_rounding_leads() -> None:
+    assert not lies_beside(np.array([[1e-12, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.eye(3)[1:], 0.01).any()
