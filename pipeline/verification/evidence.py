@@ -227,6 +227,14 @@ def same_part(case: Case) -> float:
     return probability(CONFIDENCE.same_part, evidence(case))
 
 
+def same_part_whatever_repeats(case: Case) -> float:
+    """As `same_part`, with every other pose counted against it: that a design repeats itself excuses a second
+    pose, and is no evidence for the part.
+    """
+    values = evidence(case)
+    return probability(CONFIDENCE.same_part, values | {"distinct_lead": values["lead"]})
+
+
 def pose(case: Case, *, count_ties: bool) -> float:
     """Probability in [0, 1] that the pose is right if the part is, up to symmetries and free motions.
 

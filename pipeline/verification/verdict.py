@@ -7,7 +7,13 @@ defined in `judge`.
 from pipeline.core.results import Finding, Verdict, VerdictStatus
 from pipeline.core.settings import RegistrationSettings
 from pipeline.verification import findings
-from pipeline.verification.evidence import Case, evidence_records, pose, same_part
+from pipeline.verification.evidence import (
+    Case,
+    evidence_records,
+    pose,
+    same_part,
+    same_part_whatever_repeats,
+)
 from pipeline.verification.thresholds import VERDICT
 
 #: Statuses with a pose; how far it can be trusted, the status says.
@@ -48,7 +54,7 @@ def judge(case: Case, settings: RegistrationSettings) -> Verdict:
         *findings.size_differences(case),
         *findings.flat_scan(case),
     ]
-    is_sure = part >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose
+    is_sure = same_part_whatever_repeats(case) >= VERDICT.ok_same_part and pose_probability >= VERDICT.ok_pose
     is_sure = is_sure and not case.tight_fit.is_too_coarse
     status = _status(
         case,
