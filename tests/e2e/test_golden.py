@@ -33,8 +33,8 @@ CHANGING = "#job-made, #identity-list dd, #job-rows td:first-child, #how-figures
 
 
 def _list(page: Page) -> None:
-    page.fill("#filter-label", "finished")
-    page.locator("#filter-label").blur()
+    page.fill("#filter-name", "finished")
+    page.locator("#filter-name").blur()
     expect(page.locator("#job-rows tr")).to_have_count(1)
     page.locator("#jobs").scroll_into_view_if_needed()
 
