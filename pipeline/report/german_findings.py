@@ -214,8 +214,10 @@ GERMAN_FINDINGS: dict[str, str] = {
     "score of the best other pose over that of this one (natural log, at most 2)": (
         "Kosten der besten anderen Lage, bezogen auf diese (natürlicher Logarithmus, höchstens 2)"
     ),
-    "the same of the best other pose at which the design does not repeat itself": (
-        "dasselbe für die beste andere Lage, an der das Soll sich nicht wiederholt"
+    "score of the best other pose at which the design does not repeat itself over that of this one (natural "
+    "log, at most 2)": (
+        "Kosten der besten anderen Lage, an der das Soll sich nicht wiederholt, bezogen auf diese "
+        "(natürlicher Logarithmus, höchstens 2)"
     ),
     "residual of the mirrored scan over that of the scan (log10); 0: not tested": (
         "Restabweichung des gespiegelten Scans, bezogen auf die des Scans (log10); 0: nicht geprüft"

@@ -35,7 +35,8 @@ DETAILS = {
     "normal_agreement": "mean cosine between the normals of scan and design; 0 beyond the inlier distance",
     "matched_landmarks": "share of the scan's landmarks that have their partner on the design",
     "lead": "score of the best other pose over that of this one (natural log, at most 2)",
-    "distinct_lead": "the same of the best other pose at which the design does not repeat itself",
+    "distinct_lead": "score of the best other pose at which the design does not repeat itself over that of "
+    "this one (natural log, at most 2)",
     "mirror": "residual of the mirrored scan over that of the scan (log10); 0: not tested",
     "coverage": "share of the design that the scan shows (log10)",
 }
@@ -115,21 +116,20 @@ class Case:
 
     def alternative_ratios(self) -> list[float]:
         """Score ratios of the poses that are no symmetry of the design, lowest first."""
-        best = self.registration.best.score_mm2
-        pairs = zip(self.registration.alternatives, self.checks.symmetric, strict=True)
-        return sorted(
-            score_ratio(pose.score_mm2, best, self.diagonal_mm) for pose, symmetric in pairs if not symmetric
-        )
+        return self._ratios(self.checks.symmetric)
 
     def distinct_ratios(self) -> list[float]:
         """Those of `alternative_ratios` at which the design does not repeat itself, lowest first."""
-        best, checks = self.registration.best.score_mm2, self.checks
-        repeats = (False,) * len(checks.symmetric) if checks.repeats is None else checks.repeats
-        pairs = zip(self.registration.alternatives, checks.symmetric, repeats, strict=True)
+        symmetric, repeats = self.checks.symmetric, self.checks.repeats
+        if repeats is None:
+            return self._ratios(symmetric)
+        return self._ratios(tuple(a or b for a, b in zip(symmetric, repeats, strict=True)))
+
+    def _ratios(self, is_left_out: tuple[bool, ...]) -> list[float]:
+        best = self.registration.best.score_mm2
+        pairs = zip(self.registration.alternatives, is_left_out, strict=True)
         return sorted(
-            score_ratio(pose.score_mm2, best, self.diagonal_mm)
-            for pose, symmetric, repeated in pairs
-            if not (symmetric or repeated)
+            score_ratio(pose.score_mm2, best, self.diagonal_mm) for pose, left_out in pairs if not left_out
         )
 
     def has_close_alternative(self, settings: RegistrationSettings) -> bool:
