@@ -39,6 +39,7 @@ def limits() -> dict[str, Any]:
             "matching": asdict(schedule.MATCHING),
             "registration": asdict(schedule.REGISTRATION),
             "symmetry": asdict(schedule.SYMMETRY),
+            "second": asdict(schedule.SECOND_SEARCH),
         },
         "verdict": {
             "thresholds": asdict(thresholds.VERDICT),

@@ -12,7 +12,6 @@ from pathlib import Path
 from pipeline.analysis.design_model import DesignModel, build_design, fingerprint, load_design
 from pipeline.analysis.inputs import read_mesh
 from pipeline.analysis.mesh_analysis import analyse_mesh
-from pipeline.analysis.part_of_scan import register_part
 from pipeline.analysis.scan_registration import RegisteredScan, match_scan
 from pipeline.core import timing
 from pipeline.core.job_parameters import JobParameters
@@ -30,11 +29,9 @@ from pipeline.stages.registration import Registration
 from pipeline.stages.scale import ScaleDiagnosis, diagnose_scale
 from pipeline.stages.strays import without_oversize
 from pipeline.stages.table import without_table
-from pipeline.verification.alternative_hypotheses import verify_hypotheses
-from pipeline.verification.evidence import Case
-from pipeline.verification.scan_quality import assess_quality
-from pipeline.verification.verdict import HAS_POSE, judge
+from pipeline.verification.verdict import HAS_POSE
 from pipeline.workflows.alternative_records import listed_alternatives
+from pipeline.workflows.judged_pose import judged_pose
 from pipeline.workflows.publish import publish
 from pipeline.workflows.registration_outcome import RegistrationOutcome
 from pipeline.workflows.result_builders import registration_result
@@ -102,11 +99,8 @@ def compute_registration(
     with timer.stage(Stage.MATCHING, "scan"):
         matched = match_scan(scan, design, job)
     with timer.stage(Stage.REGISTRATION):
-        part = register_part(matched, input_scan, design, job)
-        input_scan, registered = part.input_scan, part.registered
-        quality = assess_quality(input_scan.mesh, design.diagonal_mm, job)
-        registered, checks = verify_hypotheses(registered, quality, design, job)
-        verdict = judge(Case.of(registered, checks, quality, design, job), settings.registration)
+        found = judged_pose(matched, input_scan, design, job)
+        registered, checks, verdict = found.registered, found.checks, found.verdict
     has_pose = verdict.status in HAS_POSE
     with timer.stage(Stage.DEVIATION):
         aligned = align(registered, design, job) if has_pose else Aligned(registered.registration, None, None)
@@ -127,7 +121,8 @@ def compute_registration(
         else:
             inspection = without_pose(verdict, job.acceptance)
     return RegistrationOutcome(
-        *(design, input_scan, registered, aligned, quality, checks, verdict, deviations, of_design, scale),
+        *(design, found.input_scan, registered, aligned, found.quality, checks, verdict),
+        *(deviations, of_design, scale),
         alternatives=alternatives,
         inspection=inspection,
     )
