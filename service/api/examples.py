@@ -135,7 +135,7 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.MeshTooLarge("7340032 triangles; the limit is 5000000", mesh="scan"),
     mesh.NotFinite("3 of 5120 vertices are NaN or infinite; the first has index 17", mesh="scan"),
     mesh.CoordinateOutOfRange(
-        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm",
+        "1 of 5120 vertices lie more than 100,000,000 mm from the origin, the first at (0, 0, 3.4e+38) mm",
         mesh="scan",
     ),
     mesh.IndexOutOfRange(
