@@ -89,9 +89,7 @@ SERVICE_ERRORS: list[ServiceError] = [
     errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
     errors.JobNotFinal(
-        f"job {JOB_ID} is running, so it has no results yet; poll GET /v1/jobs/{JOB_ID} "
-        "until it is "
-        "successful"
+        f"job {JOB_ID} is running, so it has no results yet; poll GET /v1/jobs/{JOB_ID} until it ends"
     ),
     errors.JobFinal(
         f"job {JOB_ID} is successful already, so there is nothing to cancel; to remove it: DELETE "

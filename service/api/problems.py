@@ -122,7 +122,10 @@ def _on_http_exception(request: Request, error: Exception) -> Response:
                 f"{request.url.path} does not take {request.method}; /docs lists the methods of each address"
             )
         case status if status < 500:
-            known = BadRequest(f"{error.detail}")
+            known = BadRequest(
+                f"the request cannot be read ({str(error.detail).rstrip('.')}); "
+                "of a form, let the HTTP client set Content-Type"
+            )
         case _:
             return _on_unexpected(request, error)
     return problem_response(problem_of(known), error.headers)

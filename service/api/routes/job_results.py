@@ -69,8 +69,7 @@ def _check_successful(row: JobRow) -> None:
         why = (
             f"failed, so it has no files; GET /v1/jobs/{row.id}/results answers its error"
             if row.status is Status.FAILED
-            else f"is {row.status}, so it has no results yet; poll GET /v1/jobs/{row.id} until it is "
-            "successful"
+            else f"is {row.status}, so it has no results yet; poll GET /v1/jobs/{row.id} until it ends"
         )
         raise JobNotFinal(f"job {row.id} {why}")
 
