@@ -133,7 +133,7 @@ def words(check: Check) -> str:
     if check.value is None and check.kind == "confidence":
         return sentence("confidence: none is given with these settings; see the findings of the verdict")
     if check.value is None:
-        return sentence("{check}: not measured, because the scan does not show it", check=check.name)
+        return sentence("{check}: not measured, because the scan has too few points there", check=check.name)
     limit = check.upper if check.upper is not None and check.value > _middle(check) else check.lower
     side = "above" if limit == check.upper else "below"
     found = {

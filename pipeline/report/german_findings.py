@@ -200,8 +200,8 @@ GERMAN_FINDINGS: dict[str, str] = {
     "the translation along {axis}": "die Verschiebung entlang {axis}",
     "the {motion} the axis {axis} through {place} mm": "die {motion} die Achse {axis} durch {place} mm",
     "every motion": "jede Bewegung",
-    "{check}: not measured, because the scan does not show it": (
-        "{check}: nicht gemessen, weil der Scan die Stelle nicht zeigt"
+    "{check}: not measured, because the scan has too few points there": (
+        "{check}: nicht gemessen, weil der Scan dort zu wenige Punkte hat"
     ),
     "{check}: {value} is nearer to its limit of {limit} than the stated uncertainty, so it neither passes "
     "nor fails": (

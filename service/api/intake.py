@@ -188,7 +188,7 @@ def check_mesh(api: Api, caller: Caller, ref: MeshRef, where: str) -> None:
             api.mesh_guard.check_url(ref.url)
         except ForbiddenAddress as error:
             item = ProblemItem(pointer=f"/{where}/url", detail=str(error)[:300])
-            raise InvalidRequest(f"{where}.url: {error}", errors=[item]) from error
+            raise InvalidRequest(f"{where}: url: {error}", errors=[item]) from error
     elif not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
         raise UnknownBlob(f"{where}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
 

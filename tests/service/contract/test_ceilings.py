@@ -27,7 +27,7 @@ def test_a_guard_cannot_be_lifted(service: Service, name: str, preset: str) -> N
 def test_a_blob_job_is_checked_too(service: Service) -> None:
     request = {"type": "landmarks", "mesh": {"blob": "sha256:" + "0" * 64}}
     request["options"] = {"settings": {"load": {"max_faces": 10**8}}}
-    assert_problem(service.http.post("/v1/jobs", json=request), 422, "invalid_options", "5e+06")
+    assert_problem(service.http.post("/v1/jobs", json=request), 422, "invalid_options", "5,000,000")
 
 
 def test_limits_name_the_ceilings(service: Service) -> None:
