@@ -8,6 +8,7 @@ from pipeline.core.mesh import Mesh
 from pipeline.core.mesh_file import MeshFile
 from pipeline.core.progress import Stage
 from pipeline.core.results import Input, Note
+from pipeline.core.sentences import figure
 from pipeline.core.settings import Settings
 from pipeline.core.stations import Stations
 from pipeline.core.timing import StageTimer
@@ -73,15 +74,18 @@ class InputMesh:
         notes += self._bodies()
         dropped = int(report.get("non_manifold_faces", 0))
         if dropped:
-            detail = (
-                f"{self.name}: {dropped} triangles at edges shared by more than two triangles were removed"
-            )
+            detail = f"{self.name}: triangles removed at edges that more than two triangles share: {dropped}"
             notes.append(Note(code="non_manifold", detail=detail))
         if report.get("turned_faces", 0):
-            detail = f"{self.name}: {report['turned_faces']} triangles were wrongly oriented and were flipped"
+            detail = (
+                f"{self.name}: triangles flipped because they faced the wrong way: {report['turned_faces']}"
+            )
             notes.append(Note(code="turned_faces", detail=detail))
         if self.mesh.is_cloud:
-            detail = f"{self.name}: a point cloud; a surface was reconstructed for the analysis only"
+            detail = (
+                f"{self.name}: the file is a point cloud; a surface was reconstructed for the "
+                "analysis, and deviations are measured at the points"
+            )
             notes.append(Note(code="point_cloud", detail=detail))
         return [*notes, *(note for strays in self.strays for note in strays.notes(self.name))]
 
@@ -92,24 +96,26 @@ class InputMesh:
             area_mm2 = float(report["internal_area_mm2"])
             share = area_mm2 / (area_mm2 + float(self.mesh.face_areas_mm2().sum()))
             detail = (
-                f"{self.name}: {united} bodies touch or overlap and were united; {area_mm2:.4g} mm² of their "
+                f"{self.name}: {united} bodies touch or overlap and were united; {figure(area_mm2, 4)} "
+                "mm² of their "
                 f"surface ({100 * share:.1f} %) lies inside the part, is left out and is not measured"
             )
             if filled := int(report["filled_voids"]):
-                detail += f"; {filled} thin voids between them, of unlike triangles, are filled"
+                detail += f"; thin gaps between them, where their triangles differ, were filled: {filled}"
             notes.append(Note(code="bodies_united", detail=detail))
         if within := int(report.get("faces_within_others", 0)):
             detail = (
-                f"{self.name}: {within} triangles ({float(report['area_within_others_mm2']):.4g} mm²) of "
-                "bodies with small holes, or within such bodies, lie inside the part, are left out and are "
-                "not measured; close the holes, so that the bodies can be united"
+                f"{self.name}: triangles inside the part were left out and are not measured: {within}, of "
+                f"{figure(report['area_within_others_mm2'], 4)} mm²; they are of bodies with small holes, or "
+                "within such bodies: close the holes, so that the bodies can be united"
             )
             notes.append(Note(code="within_open_bodies", detail=detail))
         # the pieces of a scan are open because the scanner saw no more
         if self.name == "design" and (apart := int(report.get("bodies_not_united", 0))):
             detail = (
-                f"{self.name}: {apart} surfaces that may touch or overlap others are not closed, or "
-                "cannot be united; walls between them stay, and count as surface to compare with"
+                f"{self.name}: surfaces that may touch or overlap others, but are not closed or cannot be "
+                f"united: {apart}; walls between them stay, and count as surface of the design: close the "
+                "bodies, or export the part as one solid"
             )
             notes.append(Note(code="bodies_not_united", detail=detail))
         return notes

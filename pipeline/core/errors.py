@@ -57,7 +57,9 @@ class UnreadableFile(PipelineError):
 
 class MeshTooLarge(PipelineError):
     code = "mesh_too_large"
-    default_remedy = "decimate the mesh, or raise load.max_faces in the settings"
+    default_remedy = (
+        "decimate the mesh or thin out the points, or raise load.max_faces or load.max_points in the settings"
+    )
 
 
 class NotFinite(PipelineError):

@@ -135,8 +135,8 @@ def detect_format(head: bytes, size: int, filename: str | None = None, mesh: str
         if _is_point_text(text, suffix, whole=size <= len(head)):
             return Format.XYZ
     _refuse(by_ending(suffix), mesh)
-    extension = f" (file name extension {suffix!r})" if suffix else ""
-    raise UnknownFormat(f"the content is not in a supported mesh format{extension}", mesh=mesh)
+    name = f" (its name ends in {suffix!r})" if suffix else ""
+    raise UnknownFormat(f"the content of the file is in no supported format{name}", mesh=mesh)
 
 
 def _refuse(foreign: Foreign | None, mesh: str | None) -> None:

@@ -30,6 +30,11 @@ def sentence(template: str, /, **values: object) -> str:
     return _FIGURES.vformat(template, (), values)
 
 
+def figure(value: float, digits: int = 3) -> str:
+    """So many significant digits, without an exponent: `12300`, `−0.0123`."""
+    return str(_FIGURES.format_field(float(value), f".{digits}g"))
+
+
 def place(position_mm: Any, digits: int = 2) -> str:
     """`(1.20, −3.00, 0.00)`"""
     return "(" + ", ".join(sentence(f"{{axis:.{digits}f}}", axis=float(axis)) for axis in position_mm) + ")"

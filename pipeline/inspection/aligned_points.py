@@ -62,7 +62,7 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
         points = _records(sites, before, residual, found)
         if unseen := [each.name for each in points if each.value_mm is None]:
             names = ", ".join(repr(name) for name in unseen)
-            raise AlignmentFailed(sentence("the scan does not show {names}", names=names), points)
+            raise AlignmentFailed(sentence("the scan does not show its points {names}", names=names), points)
         made = step(places, along, residual, np.ones(len(sites)), AllowedMotions(None, centre))
         if rigid.rms_displacement(made.motion, np.eye(4), places) < LAST_STEP_MM:
             errors = np.array([0.0 if each is None else each.error_mm or 0.0 for each in found])
@@ -70,7 +70,13 @@ def fit_reference_points(placed: Placed, alignment: RpsFit) -> Found:
             return Found(T, _rms(residual), _rms(before), number, centre, made.free, points, pose_error)
         share = 1.0 if number <= FREE_STEPS else LATER_SHARE
         T = rigid.orthonormal(rigid.share_of(made.motion, centre, share) @ T)
-    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS), points)
+    raise AlignmentFailed(
+        sentence(
+            "its fit did not settle in {count} steps; the surfaces or points may leave a motion nearly free",
+            count=MAX_STEPS,
+        ),
+        points,
+    )
 
 
 def _site(point: RpsPoint, placed: Placed) -> _Site:
@@ -182,7 +188,9 @@ def fit_landmarks(placed: Placed, alignment: LandmarksFit, landmarks: Landmarks)
         still = "; ".join(str(motion) for motion in free) or "every motion"
         raise AlignmentFailed(
             sentence(
-                "a motion stays free with {count} matched landmarks: {motion}", count=len(names), motion=still
+                "the matched landmarks that it uses ({count}) leave a motion free: {motion}",
+                count=len(names),
+                motion=still,
             )
         )
     T = rigid.fit(scan, design)

@@ -42,7 +42,7 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
         closest = placed.surface.closest(moved)
         inside = closest.distance <= placed.inlier_mm
         if inside.sum() < MIN_VERTICES:
-            raise AlignmentFailed(sentence("the scan shows too little of what is fitted"))
+            raise AlignmentFailed(sentence("the scan shows too little of the surface that it fits"))
         residual = np.einsum("kd,kd->k", moved - closest.point, closest.normal)
         rms_of.append(_rms(residual, w * inside))
         motions = _allowed(alignment, T, placed.start.T_design_scan, moved, w * inside)
@@ -54,7 +54,12 @@ def fit_surface(placed: Placed, alignment: BestFit | ConstrainedFit) -> Found:
             )
             return Found(T, rms_of[-1], rms_of[0], number, motions.centre, made.free, pose_error=pose_error)
         T = rigid.orthonormal(made.motion @ T)
-    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS))
+    raise AlignmentFailed(
+        sentence(
+            "its fit did not settle in {count} steps; the surfaces or points may leave a motion nearly free",
+            count=MAX_STEPS,
+        )
+    )
 
 
 def fit_tolerances(
@@ -82,7 +87,12 @@ def fit_tolerances(
         if is_last or (rms_of[-1] > 0 and _stalls(rms_of)):
             return Found(T, rms_of[-1], rms_of[0], number, np.zeros(3))
         T = rigid.orthonormal(motion @ T)
-    raise AlignmentFailed(sentence("it did not converge in {count} steps", count=MAX_STEPS))
+    raise AlignmentFailed(
+        sentence(
+            "its fit did not settle in {count} steps; the surfaces or points may leave a motion nearly free",
+            count=MAX_STEPS,
+        )
+    )
 
 
 def _into_limits(
@@ -182,7 +192,7 @@ def _chosen(placed: Placed, weights: FloatArray) -> FloatArray:
     """(k,) vertices that are fitted."""
     near = np.flatnonzero((weights > 0) & _inliers(placed))
     if len(near) < MIN_VERTICES:
-        raise AlignmentFailed(sentence("the scan shows too little of what is fitted"))
+        raise AlignmentFailed(sentence("the scan shows too little of the surface that it fits"))
     return np.asarray(near[:: -(-len(near) // MAX_VERTICES)])
 
 

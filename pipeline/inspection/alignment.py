@@ -82,8 +82,8 @@ def align(registered: RegisteredScan, design: DesignModel, job: JobParameters) -
         if moved_mm > MAX_MOVE_SHARE * design.diagonal_mm:
             raise AlignmentFailed(
                 sentence(
-                    "it would move the part by {distance:.3g} mm, to another pose than the one that was "
-                    "judged",
+                    "it would move the part by {distance:.3g} mm from the automatic pose, which is "
+                    "farther than an alignment of the same pose can be; check its points and directions",
                     distance=moved_mm,
                 )
             )

@@ -26,7 +26,7 @@ SHAPE_DIFFERENCES = frozenset({"missing_material", "local_difference"})
 OTHER_DOUBTS = frozenset(
     {"high_residual", "flat_scan", "accuracy_unknown", "accuracy_too_coarse", "scan_more"}
 )
-NO_LIMITS = sentence("no limits to accept the part by were given; state them in options.acceptance")
+NO_LIMITS = sentence("no acceptance limits were stated (options.acceptance), so the part is not judged")
 
 
 def inspect(
@@ -94,13 +94,18 @@ def decide(
 ) -> tuple[Decision, list[str]]:
     """The decision and why, for people. Under another alignment than the one asked for nothing is judged."""
     if alignment_problem is not None:
-        return "not_judged", [sentence("the alignment was not applied: {why}", why=alignment_problem)]
+        return "not_judged", [
+            sentence(
+                "the alignment of options.alignment was not applied, so the part is not judged: {why}",
+                why=alignment_problem,
+            )
+        ]
     reasons = [words(check) for check in checks if check.passed is not True]
     if acceptance is not None and pose_is_sure(verdict) and any(check.passed is False for check in checks):
         return "fail", reasons
     if verdict.status != "ok":
         why = sentence(
-            "the alignment is {status}, so the part cannot be judged", status=verdict.status.replace("_", " ")
+            "the alignment is {status}, so the part is not judged", status=verdict.status.replace("_", " ")
         )
         return "not_judged", [why, *reasons]
     if acceptance is None or not checks:
@@ -125,8 +130,10 @@ def pose_is_sure(verdict: Verdict) -> bool:
 
 def words(check: Check) -> str:
     """Why a check did not pass."""
+    if check.value is None and check.kind == "confidence":
+        return sentence("confidence: none is given with these settings; see the findings of the verdict")
     if check.value is None:
-        return sentence("{check}: not measured, the scan does not show it", check=check.name)
+        return sentence("{check}: not measured, because the scan has too few points there", check=check.name)
     limit = check.upper if check.upper is not None and check.value > _middle(check) else check.lower
     side = "above" if limit == check.upper else "below"
     found = {
@@ -136,12 +143,21 @@ def words(check: Check) -> str:
     }
     if check.passed is None:
         return sentence(
-            "{check}: {value} is too near its limit of {limit} for the stated uncertainty", **found
+            "{check}: {value} is nearer to its limit of {limit} than the stated uncertainty, so it "
+            "neither passes nor fails",
+            **found,
+        )
+    if check.kind == "distance":
+        return sentence(
+            "{check}: the deviation from its nominal length, {value}, is {side} its limit of {limit}",
+            side=side,
+            **found,
         )
     if check.position_mm is None:
         return sentence("{check}: {value} is {side} its limit of {limit}", side=side, **found)
     return sentence(
-        "{check}: {value} is {side} its limit of {limit} at {place} mm",
+        "{check}: the deviation of {value} is {side} its limit of {limit}, at {place} mm in the frame "
+        "of the design",
         side=side,
         place=place(check.position_mm),
         **found,

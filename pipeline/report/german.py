@@ -45,31 +45,36 @@ GERMAN: dict[str, str] = {
     "not given": "nicht angegeben",
     "Why": "Begründung:",
     "About the best rejected pose": "Zur besten verworfenen Lage",
-    "The scan is aligned, and no other pose fits as well.": (
-        "Der Scan ist ausgerichtet, und keine andere Lage passt ebenso gut."
+    "The scan is aligned. This pose fits clearly better than any other.": (
+        "Der Scan ist ausgerichtet. Diese Lage passt deutlich besser als jede andere."
     ),
     "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. "
-    "No other pose fits as well.": (
+    "Every other pose fits clearly worse.": (
         "Der Scan ist ausgerichtet. Das Soll ist symmetrisch: Seine gleichwertigen Lagen passen ebenso "
-        "gut, und jede davon ist richtig. Keine andere Lage passt so gut."
+        "gut, und jede davon ist richtig. Jede andere Lage passt deutlich schlechter."
     ),
-    "The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: "
-    "see the findings.": (
-        "Der Scan ist ausgerichtet, und diese Lage passt deutlich am besten, aber die Belege bestätigen "
-        "sie nicht: siehe die Befunde."
+    "The scan is aligned, and this pose fits clearly better than any other, but it is not certain that the "
+    "scan shows this part, undamaged and in this pose. The findings say why. Check the pose before you use "
+    "it.": (
+        "Der Scan ist ausgerichtet, und diese Lage passt deutlich besser als jede andere, aber es ist "
+        "nicht sicher, dass der Scan dieses Teil zeigt, unbeschädigt und in dieser Lage. Die Befunde "
+        "sagen, warum. Die Lage ist vor der Verwendung zu prüfen."
     ),
-    "Several poses fit equally well, and the scan does not show which is right. Check the pose "
-    "before you use it.": (
-        "Mehrere Lagen passen gleich gut, und der Scan zeigt nicht, welche richtig ist. Die Lage ist "
-        "vor der Verwendung zu prüfen."
+    "The scan does not show which pose is right: another one, or the mirror image, fits nearly as well, or "
+    "the scan is flat. The findings say which. Check the pose before you use it.": (
+        "Der Scan zeigt nicht, welche Lage richtig ist: Eine andere oder das Spiegelbild passt fast ebenso "
+        "gut, oder der Scan ist eben. Die Befunde sagen, was zutrifft. Die Lage ist vor der Verwendung zu "
+        "prüfen."
     ),
-    "The scan can slide or turn along the design without fitting worse: the pose is not unique.": (
-        "Der Scan kann auf dem Soll gleiten oder sich drehen, ohne schlechter zu passen: Die Lage ist "
-        "nicht eindeutig."
+    "The scan can slide or turn on the design with hardly any change of the fit, so this motion of the "
+    "pose is uncertain. The findings say which motion, and by how much.": (
+        "Der Scan kann auf dem Soll gleiten oder sich drehen, fast ohne schlechter zu passen; diese "
+        "Bewegung der Lage ist daher unsicher. Die Befunde sagen, welche und um wie viel."
     ),
-    "The scan fits only in another unit of length. Send it again with the right unit.": (
-        "Der Scan passt nur in einer anderen Längeneinheit. Er ist mit der richtigen Einheit erneut zu "
-        "senden."
+    "The scan fits only in another unit of length. Send it again with the unit that the findings name "
+    "(options.units).": (
+        "Der Scan passt nur in einer anderen Längeneinheit. Er ist mit der Einheit, die die Befunde "
+        "nennen, erneut zu senden (options.units)."
     ),
     "The scan is the mirror image of the design. No valid alignment was found, and no deviation is "
     "reported.": (

@@ -35,19 +35,22 @@ if TYPE_CHECKING:
 
 NO_HEADER = ReportHeader()
 MEANING = {
-    "ok": "The scan is aligned, and no other pose fits as well.",
+    "ok": "The scan is aligned. This pose fits clearly better than any other.",
     "uncertain": (
-        "The scan is aligned, and this pose fits clearly best, but the evidence does not confirm it: "
-        "see the findings."
+        "The scan is aligned, and this pose fits clearly better than any other, but it is not certain "
+        "that the scan shows this part, undamaged and in this pose. The findings say why. Check the "
+        "pose before you use it."
     ),
     "ambiguous": (
-        "Several poses fit equally well, and the scan does not show which is right. Check the pose "
-        "before you use it."
+        "The scan does not show which pose is right: another one, or the mirror image, fits nearly as "
+        "well, or the scan is flat. The findings say which. Check the pose before you use it."
     ),
     "under_constrained": (
-        "The scan can slide or turn along the design without fitting worse: the pose is not unique."
+        "The scan can slide or turn on the design with hardly any change of the fit, so this motion of "
+        "the pose is uncertain. The findings say which motion, and by how much."
     ),
-    "units_suspect": "The scan fits only in another unit of length. Send it again with the right unit.",
+    "units_suspect": "The scan fits only in another unit of length. Send it again with the unit that "
+    "the findings name (options.units).",
     "mirrored": (
         "The scan is the mirror image of the design. No valid alignment was found, and no deviation is "
         "reported."
@@ -59,8 +62,8 @@ MEANING = {
 }
 #: Instead of `ok`, of a design that is its own image.
 MEANING_SYMMETRIC = (
-    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is correct. "
-    "No other pose fits as well."
+    "The scan is aligned. The design is symmetric: its equivalent poses fit as well, and each is "
+    "correct. Every other pose fits clearly worse."
 )
 #: Statuses without a pose, and findings that are about the best pose that was tried, not about the reason.
 WITHOUT_POSE = frozenset({"mirrored", "no_match"})

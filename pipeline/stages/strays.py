@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.mesh import BoolArray, FloatArray, Mesh
 from pipeline.core.results import Note
+from pipeline.core.sentences import figure, place
 from pipeline.kernels.nearest import nearest
 from pipeline.kernels.pieces import Pieces
 from pipeline.kernels.surface import Surface
@@ -66,13 +67,14 @@ class Strays:
         if not self.any:
             return []
         largest = int(self.share.argmax())
-        where = ", ".join(f"{x:.3g}" for x in self.centre_mm[largest])
+        where = place(self.centre_mm[largest], 1)
         one = len(self.share) == 1
         pieces = "1 piece was" if one else f"{len(self.share)} pieces were"
         detail = (
-            f"{name}: {pieces} left out ({100 * float(self.share.sum()):.2g} % of it; {self.reason}); "
+            f"{name}: {pieces} left out ({figure(100 * float(self.share.sum()), 2)} % of it; {self.reason}); "
             f"{'it' if one else 'the largest'} is "
-            f"{self.size_mm[largest]:.3g} mm in size and lies at ({where}) mm. Pose, overlap, deviation and "
+            f"{figure(self.size_mm[largest])} mm in size and lies at {where} mm. Pose, overlap, "
+            "deviation and "
             "all files are of the rest"
         )
         return [Note(code="stray_component", detail=detail)]

@@ -7,6 +7,8 @@ from pipeline.kernels.surface_patches import Patch
 from pipeline.verification.evidence import Case
 from pipeline.verification.thresholds import UNIT_FACTORS, VERDICT
 
+#: Smaller ones are not written out.
+MIN_SHOWN_PROBABILITY = 0.001
 #: Kinds of motion, and the sources of hypotheses, for people.
 MOTIONS = {
     "rotation": "rotation about",
@@ -26,8 +28,9 @@ def too_little(case: Case, settings: RegistrationSettings) -> list[Finding]:
     inlier_mm = case.registration.inlier_distance_mm
     if fit.fitness < settings.min_fitness:
         detail = sentence(
-            "{share:.0%} of the scan lies within {distance:.3g} mm of the design; at least {required:.0%} is "
-            "required",
+            "only {share:.1%} of the scan lies within {distance:.3g} mm of the design; at least "
+            "{required:.1%} is required: check that it is this part, and remove supports and background "
+            "from the scan",
             share=fit.fitness,
             distance=inlier_mm,
             required=settings.min_fitness,
@@ -36,7 +39,8 @@ def too_little(case: Case, settings: RegistrationSettings) -> list[Finding]:
     coverage = case.registration.design_coverage
     if coverage < settings.min_coverage:
         detail = sentence(
-            "the scan covers {share:.1%} of the design; at least {required:.0%} is required",
+            "the scan shows only {share:.1%} of the design; at least {required:.1%} is required: scan "
+            "more of the part",
             share=coverage,
             required=settings.min_coverage,
         )
@@ -49,9 +53,11 @@ def other_part(case: Case, probability: float) -> list[Finding]:
     if probability >= VERDICT.other_part:
         return []
     detail = sentence(
-        "the scan is of this design with probability {probability:.2g}: it lies {rms:.3g} mm off (RMS), its "
-        "normals agree to {agreement:.0%}, and it differs in shape by {shape:.3g} mm (RMS over patches)",
-        probability=probability,
+        "the scan is probably of another part (probability of this one: {probability}): it lies "
+        "{rms:.3g} mm off the design (RMS), its normals agree with the design's to {agreement:.0%} "
+        "(mean cosine), and its shape differs by {shape:.3g} mm (RMS over patches); verdict.evidence "
+        "lists all that counts",
+        probability=_probability(probability),
         rms=case.rms_mm,
         agreement=case.surfaces.normal_agreement,
         shape=case.surfaces.detail_mm,
@@ -65,8 +71,9 @@ def high_residual(case: Case) -> list[Finding]:
     if case.tight_fit.is_near:
         return []
     detail = sentence(
-        "the scan lies {rms:.3g} mm off the design (RMS, each distance counted as at most {distance:.3g} "
-        "mm); the limit for ok is {limit:.3g} mm",
+        "the scan lies {rms:.3g} mm off the design (RMS, each distance counted as at most "
+        "{distance:.3g} mm); the limit for ok is {limit:.3g} mm: an inaccurate scan, or a part that "
+        "differs from the design",
         rms=case.rms_mm,
         distance=inlier_mm,
         limit=limit_mm,
@@ -80,31 +87,34 @@ def differences(case: Case) -> list[Finding]:
     patch = case.surfaces.scan_patch
     if patch is not None and patch.mean < 0:
         detail = sentence(
-            "a patch of {area:.3g} mm² of the scan lies up to {depth:.3g} mm inside the design, at {place} "
-            "mm in the design's frame: more than noise and smooth distortion explain",
+            "at {place} mm in the frame of the design, {area:.3g} mm² of the scan lie up to {depth:.3g} "
+            "mm inside the design, more than noise and smooth distortion explain: check whether "
+            "material is missing there",
             **_measures(patch),
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
     elif patch is not None:
         detail = sentence(
-            "a patch of {area:.3g} mm² of the scan lies up to {depth:.3g} mm off the design, at {place} mm "
-            "in the design's frame: more than noise and smooth distortion explain",
+            "at {place} mm in the frame of the design, {area:.3g} mm² of the scan lie up to {depth:.3g} "
+            "mm off the design, more than noise and smooth distortion explain: check for excess "
+            "material, supports or another version of the part",
             **_measures(patch),
         )
         found.append(Finding(code="local_difference", detail=detail, value=patch.peak))
     patch = case.surfaces.design_patch
     if patch is not None:
         detail = sentence(
-            "a patch of {area:.3g} mm² of the design lies up to {depth:.3g} mm off the scan, at {place} mm "
-            "in the design's frame: it is missing in the scan, or covered",
+            "at {place} mm in the frame of the design, {area:.3g} mm² of the design lie up to "
+            "{depth:.3g} mm from the scan, which should show them: check whether material is missing "
+            "there, or a hole was filled in the scan",
             **_measures(patch),
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
     patch = case.surfaces.through_patch
     if patch is not None and not found:
         detail = sentence(
-            "a patch of {area:.3g} mm² of the scan lies behind {depth:.3g} mm of material of the design, at "
-            "{place} mm in the design's frame: this material is missing in the scan",
+            "at {place} mm in the frame of the design, the scan shows {area:.3g} mm² that {depth:.3g} "
+            "mm of material of the design would hide: check whether this material is missing in the part",
             **_measures(patch),
         )
         found.append(Finding(code="missing_material", detail=detail, value=patch.peak))
@@ -121,19 +131,22 @@ def size_differences(case: Case) -> list[Finding]:
         low, middle, high = strain.principal
         is_longer = high - middle >= middle - low
         detail = sentence(
-            "the scan is {share:.1%} {longer} than the design along {axis}, compared with another direction: "
-            "a print and its scan do not explain this; without it the shapes differ by {left:.2g} mm (RMS "
-            "over patches); see scale.per_axis",
+            "compared with the design, the scan is {share:.1%} {longer} along {axis} than along "
+            "{other}, more than printing and scanning explain; apart from that the shapes differ by "
+            "{left:.2g} mm (RMS over patches): check that it is this version of the part, and see "
+            "scale.per_axis",
             share=strain.spread,
             longer="longer" if is_longer else "shorter",
             axis=place(strain.axes[:, 2 if is_longer else 0]),
+            other=place(strain.axes[:, 0 if is_longer else 2]),
             left=strain.left_mm,
         )
         found.append(Finding(code="stretched", detail=detail, value=strain.spread))
     if fit.is_other_size:
         detail = sentence(
-            "the scan is {share:.1%} {larger} than the design along all directions, more than a print "
-            "shrinks: another size of the part, or a wrong scale; see scale.isotropic",
+            "the scan is {share:.1%} {larger} than the design in all directions, more than printing and "
+            "scanning explain: another size of the part, or a wrong scale of the printer, the scanner "
+            "or the file; see scale.isotropic",
             share=abs(strain.mean),
             larger="larger" if strain.mean > 0 else "smaller",
         )
@@ -147,8 +160,9 @@ def flat_scan(case: Case) -> list[Finding]:
     if not case.tight_fit.is_flat:
         return []
     detail = sentence(
-        "the scan is flat to {thickness:.3g} mm (RMS): it fits on any flat face of its size, and only edges "
-        "and holes show where; scan the part from another side too",
+        "the scan is a flat piece ({thickness:.3g} mm RMS from a plane): it fits anywhere on a flat "
+        "face of the design, and only its outline and its holes tell where; scan the part from another "
+        "side too",
         thickness=thickness_mm,
     )
     return [Finding(code="flat_scan", detail=detail, value=thickness_mm)]
@@ -158,23 +172,26 @@ def what_would_settle(case: Case) -> list[Finding]:
     """What would settle a verdict that is uncertain for want of evidence."""
     if case.quality.accuracy_mm is None:
         detail = sentence(
-            "state the accuracy of the scanner (options.scan_accuracy_mm), or scan the part from more sides: "
-            "either may show whether the scan is of this part"
+            "the evidence is not enough for ok, and the accuracy of the scanner was not stated: state "
+            "it (options.scan_accuracy_mm), or scan the part from more sides; either may decide"
         )
         return [Finding(code="accuracy_unknown", detail=detail, value=None)]
     if case.tight_fit.is_too_coarse:
         share = case.quality.accuracy_mm / case.diagonal_mm
         detail = sentence(
-            "the stated accuracy of the scanner is {share:.1%} of the size of the design; below {limit:.0%} "
-            "is needed to confirm the pose",
+            "the stated accuracy of the scanner, {accuracy:.3g} mm, is {share:.1%} of the diagonal of "
+            "the design; a pose is confirmed up to {limit:.1%} only: use a more accurate scanner, or "
+            "check the pose",
+            accuracy=case.quality.accuracy_mm,
             share=share,
             limit=VERDICT.max_accuracy_share,
         )
         return [Finding(code="accuracy_too_coarse", detail=detail, value=share)]
     coverage = case.registration.design_coverage
     detail = sentence(
-        "the scan shows {share:.0%} of the design, which is not enough to confirm the pose: scan the part "
-        "from another side too",
+        "the evidence is not enough for ok, although the accuracy of the scanner is stated; the scan "
+        "shows {share:.0%} of the design: scan more sides if some are missing, else check that it is "
+        "this part",
         share=coverage,
     )
     return [Finding(code="scan_more", detail=detail, value=coverage)]
@@ -185,10 +202,18 @@ def not_calibrated(case: Case) -> list[Finding]:
     if case.is_fitted:
         return []
     detail = sentence(
-        "no confidence is given: its models hold for the default values of resample.enabled, landmarks, "
-        "matching.length_share and registration.inlier_share only, and one of them was changed"
+        "no confidence is given: it holds for the default values of resample.enabled, landmarks, "
+        "matching.length_share and registration.inlier_share only, and the settings of this job change "
+        "one of them"
     )
     return [Finding(code="confidence_not_calibrated", detail=detail, value=None)]
+
+
+def _probability(value: float) -> str:
+    """`3.1 %`, or `less than 0.1 %`"""
+    if value < MIN_SHOWN_PROBABILITY:
+        return sentence("less than {share:.1%}", share=MIN_SHOWN_PROBABILITY)
+    return sentence("{value:.1%}", value=value)
 
 
 def _measures(patch: Patch) -> dict[str, object]:
@@ -247,7 +272,7 @@ def mirror_fits_better(case: Case, status: VerdictStatus) -> list[Finding]:
         return []
     detail = sentence(
         "the mirror image of the scan lies {mirrored:.3g} mm off the design (RMS), the scan itself "
-        "{rms:.3g} mm: it may be the opposite-hand part",
+        "{rms:.3g} mm: it may be the opposite-hand part; check which hand it is",
         mirrored=check.rms_mm,
         rms=case.rms_mm,
     )
@@ -272,7 +297,8 @@ def unconstrained_motions(case: Case) -> list[Finding]:
         Finding(
             code="free_motion",
             detail=sentence(
-                "the {motion} {axis} is uncertain by {sigma:.3g} mm (1 sigma); the limit is {limit:.3g} mm",
+                "the {motion} {axis} is uncertain by {sigma:.3g} mm (1 sigma, RMS displacement of the "
+                "scan); the limit is {limit:.3g} mm: scan more of the part, or accept it",
                 motion=MOTIONS[motion.kind],
                 axis=place(motion.axis, 3),
                 sigma=motion.sigma_mm,
@@ -290,13 +316,18 @@ def alternatives(case: Case) -> list[Finding]:
     equal = sum(case.checks.symmetric)
     if equal:
         detail = sentence(
-            "equivalent poses besides this one, by a symmetry of the design: {count}; see symmetry",
+            "the design is symmetric, so this pose has equivalents that fit as well (number: {count}); "
+            "alternatives has them as one row",
             count=equal,
         )
         found.append(Finding(code="symmetric_design", detail=detail, value=float(equal)))
     ratios = case.alternative_ratios()
     if ratios and ratios[0] < VERDICT.alternative_note_ratio:
-        detail = sentence("another pose, not equivalent by symmetry, fits almost as well; see alternatives")
+        detail = sentence(
+            "another pose, no symmetry of the design, has a score of {ratio:.2f}, where "
+            "the best has 1 and higher is worse; compare the poses in alternatives",
+            ratio=ratios[0],
+        )
         found.append(Finding(code="rival_pose", detail=detail, value=ratios[0]))
     return found
 
@@ -307,20 +338,25 @@ def weaknesses(case: Case) -> list[Finding]:
     weakest = float(registration.observability.eigenvalues[0])
     if weakest < VERDICT.weak_eigenvalue and not registration.observability.unconstrained:
         detail = sentence(
-            "the surfaces constrain one of the six degrees of freedom only weakly; check the pose"
+            "one motion of the scan is within its limit of uncertainty, but changes the fit very "
+            "little: check the pose, and see observability"
         )
         found.append(Finding(code="weakly_constrained", detail=detail, value=weakest))
     if case.matching.T_landmarks is None:
         count = len(case.matching.design)
         detail = sentence(
-            "too few landmarks match to determine a pose by landmarks alone: {count}; the pose was found by "
-            "{source}",
+            "too few landmarks match ({count}) for a pose from landmarks alone, so rmse_landmarks_mm "
+            "and k_ratio are null; the pose comes from {source}",
             count=count,
             source=SOURCES[registration.source],
         )
         found.append(Finding(code="few_landmarks", detail=detail, value=float(count)))
     if not registration.best.converged:
         iterations = registration.best.iterations
-        detail = sentence("ICP had not converged after {count} iterations", count=iterations)
+        detail = sentence(
+            "ICP was still moving the scan after {count} iterations: raise "
+            "registration.max_iterations, and check the pose",
+            count=iterations,
+        )
         found.append(Finding(code="not_converged", detail=detail, value=float(iterations)))
     return found

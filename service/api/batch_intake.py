@@ -28,7 +28,7 @@ def accept_batch(api: Api, caller: Caller, body: bytes, key: str | None) -> Batc
     given = read_json(body, "the body")
     if not isinstance(given, dict):
         raise InvalidRequest(
-            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")]
+            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="must be a JSON object")]
         )
     sha256 = hashlib.sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()
     options = parse_options(given.get("options", {}))
@@ -37,7 +37,7 @@ def accept_batch(api: Api, caller: Caller, body: bytes, key: str | None) -> Batc
     try:
         request = BatchRequest.model_validate(given)
     except ValidationError as error:
-        raise invalid_request(error) from error
+        raise invalid_request(error, given, BatchRequest) from error
     if request.webhook is not None:
         check_webhook_url(request.webhook.url, "/webhook/url", api.guard)
     _check_meshes(api, caller, request)

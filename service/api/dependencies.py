@@ -50,7 +50,10 @@ class Api:
 
 def _existing(row: JobRow | None, job_id: str) -> JobRow:
     if row is None:
-        raise JobNotFound(f"no job has the id {job_id!r}; it does not exist, or it was removed")
+        raise JobNotFound(
+            f"no job has the id {job_id!r}: check the id and the API key; ended jobs are removed after "
+            "some time"
+        )
     return row
 
 

@@ -32,33 +32,38 @@ BLOB_ID = "sha256:697b00ab13410c52a542d2e9c63711fcc04e9cbf6c0d3439a9b43cc812e6e7
 OTHER_BLOB_ID = "sha256:8036011d143b572d2d6340235f226d69dbd4d8b0da3ac1ea86157bd001ac8ac7"
 INSTANCE = "urn:uuid:2d065e46-4b4f-4258-9d4a-67fa132bb587"
 
+MISSING_SCAN = "missing; send it as a file of the form, with curl -F scan=@FILE"
+UNKNOWN_KEY = "unknown key; did you mean tolerance_mm?"
+
 SERVICE_ERRORS: list[ServiceError] = [
     errors.BadRequest("options: not JSON (Expecting value: line 1 column 1 (char 0)); send a JSON object"),
     errors.InvalidRequest(
-        "scan: the file is missing", errors=[ProblemItem(pointer="/scan", detail="the file is missing")]
+        f"scan: {MISSING_SCAN}", errors=[ProblemItem(pointer="/scan", detail=MISSING_SCAN)]
     ),
     errors.InvalidOptions(
-        "options.settings.segmentation.quantil: unknown key",
-        errors=[ProblemItem(pointer="/options/settings/segmentation/quantil", detail="unknown key")],
+        f"options.tolerance: {UNKNOWN_KEY}",
+        errors=[ProblemItem(pointer="/options/tolerance", detail=UNKNOWN_KEY)],
     ),
     errors.UnsupportedType(
-        "type 'segment': this version supports registration, landmarks, study; the default is the first"
+        "type 'segment': must be registration, landmarks or study; without a type it is registration"
     ),
     errors.RateLimited("more than 1000 requests per second; send it again in 1 s"),
     errors.TooManyWatchers(
         "5000 requests of this tenant are already waiting for jobs; poll without `wait`, or use webhooks"
     ),
     errors.TenantQueueFull(
-        "15000 jobs of this tenant are waiting; send the job again when some have finished"
+        "15000 jobs of this tenant are waiting, which is the limit; send the job again when some have ended"
     ),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
-    errors.MeshNotFetched("scan: https://files.example.com/a.ply answers 403; the address may have expired"),
+    errors.MeshNotFetched(
+        "scan: https://files.example.com/a.ply answers 403; the address may be wrong or expired"
+    ),
     errors.PayloadTooLarge(
         "the request is larger than the limit of 512 MiB; decimate the meshes, or raise CUSP_MAX_UPLOAD_MIB"
     ),
     errors.UnsupportedMediaType(
-        "Content-Type 'text/plain': send multipart/form-data with the files design and scan (or mesh), "
-        "or application/json"
+        "Content-Type 'text/plain': send the files as multipart/form-data (with curl: -F design=@FILE "
+        "-F scan=@FILE), or a JSON body as application/json"
     ),
     errors.IdempotencyMismatch(
         "Idempotency-Key 'order-7': it was used for a job with other meshes or options; use a new key"
@@ -67,10 +72,15 @@ SERVICE_ERRORS: list[ServiceError] = [
         "Content-Digest announces sha-256 l5wr..., but the received content has qNsE...; send it again"
     ),
     errors.Unauthorized("the API key is unknown or revoked; ask the operator for another one"),
-    errors.Forbidden("this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read"),
-    errors.NotFound("/v1/job does not exist; see /docs"),
-    errors.MethodNotAllowed("PUT is not allowed at /v1/jobs; see /docs"),
-    errors.JobNotFound(f"no job has the id '{JOB_ID}'; it does not exist, or it was removed"),
+    errors.Forbidden(
+        "this needs a key with the scope jobs:write; the key 1f0c9a77b2e4 has jobs:read; "
+        "ask the operator for another key"
+    ),
+    errors.NotFound("there is nothing at /v1/job; /docs lists the addresses"),
+    errors.MethodNotAllowed("/v1/jobs does not take PUT; /docs lists the methods of each address"),
+    errors.JobNotFound(
+        f"no job has the id '{JOB_ID}': check the id and the API key; ended jobs are removed after some time"
+    ),
     errors.BatchNotFound(f"no batch has the id '{JOB_ID}'; see /v1/batches"),
     errors.NoCharacteristics(f"nothing is kept with {BLOB_ID}; PUT it here"),
     errors.PreconditionFailed(
@@ -78,21 +88,25 @@ SERVICE_ERRORS: list[ServiceError] = [
     ),
     errors.DeliveryNotFound(f"job {JOB_ID} has no message 'msg_7'; see /v1/jobs/{JOB_ID}/deliveries"),
     errors.FileNotInJob(f"job {JOB_ID} has no file 'report.pdf'; see /v1/jobs/{JOB_ID}/files"),
-    errors.JobNotFinal(f"job {JOB_ID} is running; poll it until it is final"),
-    errors.JobFinal(
-        f"job {JOB_ID} is successful; its results are kept. To remove it: DELETE /v1/jobs/{JOB_ID}"
+    errors.JobNotFinal(
+        f"job {JOB_ID} is running, so it has no results yet; poll GET /v1/jobs/{JOB_ID} until it ends"
     ),
-    errors.JobDismissed(f"job {JOB_ID} was dismissed; start a new one"),
+    errors.JobFinal(
+        f"job {JOB_ID} is successful already, so there is nothing to cancel; to remove it: DELETE "
+        f"/v1/jobs/{JOB_ID}"
+    ),
+    errors.JobDismissed(f"job {JOB_ID} was cancelled and has no results; start a new one"),
     errors.QuotaExceeded(
-        "meshes and results of this tenant take 10180 MiB of 10240; remove jobs that are no longer needed, "
-        "or wait for retention"
+        "meshes and results of this tenant take 10239 MiB, and the quota is 10240 MiB; remove jobs that "
+        "are no "
+        "longer needed, or wait until the service removes old ones"
     ),
     errors.StorageFull(
-        "871 MiB are free on the data volume of the service, of which 1024 are kept free; send it again "
-        "later, or tell the operator"
+        "too little room on the data volume of the service: 871 MiB are free, and 1024 MiB must stay free; "
+        "send it again later, or tell the operator"
     ),
-    errors.QueueFull("20000 jobs are waiting; send the job again later"),
-    errors.NotReady("no worker is alive; jobs are accepted and wait for one"),
+    errors.QueueFull("20000 jobs are waiting, which is the limit; send the job again later"),
+    errors.NotReady("no worker is running; jobs are accepted, and wait until one starts"),
     errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),
     errors.JobCrashed(
         "the job's process was killed by SIGSEGV: a fault in native code, usually caused by a damaged mesh: "
@@ -109,21 +123,23 @@ SERVICE_ERRORS: list[ServiceError] = [
 MESH_ERRORS: list[PipelineError] = [
     mesh.EmptyFile("the file is empty", mesh="scan"),
     mesh.UnknownFormat(
-        "the content is no mesh format that is known here (file name ends in '.step')", mesh="design"
+        "the content of the file is in no supported format (its name ends in '.stl')", mesh="design"
     ),
     mesh.TruncatedFile(
         "the STL header announces 4294967295 triangles, which is 214748364834 bytes; the file has 684",
         mesh="scan",
     ),
     mesh.UnreadableFile("line 812 of the OBJ file has a vertex with two numbers", mesh="scan"),
-    mesh.MeshTooLarge("7340032 triangles, 5000000 are allowed", mesh="scan"),
-    mesh.NotFinite("3 of 5120 vertices are not finite", mesh="scan"),
+    mesh.MeshTooLarge("7340032 triangles; the limit is 5000000", mesh="scan"),
+    mesh.NotFinite("3 of 5120 vertices are NaN or infinite; the first has index 17", mesh="scan"),
     mesh.CoordinateOutOfRange(
-        "1 of 5120 vertices lie more than 1e+08 mm from the origin, the first at (0, 0, 3.4e+38) mm",
+        "1 of 5120 vertices lie more than 100,000,000 mm from the origin, the first at (0, 0, 3.4e+38) mm",
         mesh="scan",
     ),
-    mesh.IndexOutOfRange("a face refers to vertex 900 of 812", mesh="design"),
-    mesh.NoSurface("the file has points but no triangles", mesh="design"),
+    mesh.IndexOutOfRange(
+        "triangle 5 refers to vertex 900, but the mesh has 812 vertices, counted from 0", mesh="design"
+    ),
+    mesh.NoSurface("the PLY has 684 points and no triangles", mesh="design"),
     mesh.PartNotFound("there is no part 'lid'; the file has 2: 1 bracket, 2 cover", mesh="design"),
     mesh.UnknownRegion("region 'rim' names segment 12, but the design has 9 (0 to 8)", mesh="design"),
     mesh.PointOffSurface(
@@ -133,12 +149,15 @@ MESH_ERRORS: list[PipelineError] = [
     mesh.ColumnsUnfit(
         "line 1 has no numbers in the columns that options.columns states: '1 0.5'", mesh="scan"
     ),
-    mesh.UnitUnknown("the 3MF file declares the unit 'league'", mesh="design"),
+    mesh.UnitUnknown("the file declares the unit 'league'", mesh="design"),
     mesh.DegenerateMesh("the surface has no area", mesh="scan"),
-    mesh.TooFewPoints("3 points are left after cleaning, 10 are needed", mesh="scan"),
-    mesh.ResampleFailed("isotropic remeshing left no vertices", mesh="scan"),
-    mesh.ComponentsTooSmall("none of 400 connected pieces has 1 % of the area", mesh="scan"),
-    mesh.TooFewLandmarks("no detector gives 3 points (t2 0)", mesh="mesh"),
+    mesh.TooFewPoints("3 distinct points; at least 10 are required", mesh="scan"),
+    mesh.ResampleFailed("remeshing to edges of 0.4 mm produced no triangles", mesh="scan"),
+    mesh.ComponentsTooSmall(
+        "the largest of 400 connected components has 0.62% of the area; at least 1.00% is required",
+        mesh="scan",
+    ),
+    mesh.TooFewLandmarks("no detector found 3 points (t2 0)", mesh="mesh"),
 ]
 
 

@@ -35,10 +35,12 @@ async def _authenticate(
     api.rates.count(address if caller is None else f"key {caller.key_id}")
     if credentials is None:
         reason = (
-            "the header has another form" if "authorization" in request.headers else "the header is missing"
+            "the header Authorization has another form"
+            if "authorization" in request.headers
+            else "the header Authorization is missing"
         )
         raise Unauthorized(
-            f"send an API key as `Authorization: Bearer cusp_...`; {reason} (`cusp keys create` makes keys)"
+            f"{reason}; send an API key as `Authorization: Bearer cusp_...` (`cusp keys create` makes keys)"
         )
     if caller is None:
         raise Unauthorized("the API key is unknown or revoked; ask the operator for another one")
@@ -50,7 +52,10 @@ def _with(scope: Scope) -> Callable[[Caller], Awaitable[Caller]]:
     async def caller(who: Annotated[Caller, Depends(_authenticate)]) -> Caller:
         if not who.may(scope):
             has = ", ".join(sorted(who.scopes)) or "none"
-            raise Forbidden(f"this needs a key with the scope {scope}; the key {who.key_id} has {has}")
+            raise Forbidden(
+                f"this needs a key with the scope {scope}; the key {who.key_id} has {has}; "
+                "ask the operator for another key"
+            )
         return who
 
     return caller

@@ -101,8 +101,9 @@ async def accept_job(request: Request, api: Api, caller: Caller, key: str | None
         submission = await run_in_threadpool(_from_json, api, caller, await json_body(request), key)
     else:
         raise UnsupportedMediaType(
-            f"Content-Type {kind!r}: send multipart/form-data with the files design and scan (or mesh), "
-            "or application/json"
+            f"Content-Type {kind!r}: send the files as multipart/form-data (with curl: -F design=@FILE "
+            "-F scan=@FILE), "
+            "or a JSON body as application/json"
         )
     return await run_in_threadpool(_store, api, caller, key, submission)
 
@@ -137,7 +138,7 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None, size: 
     known = (*MESHES[job_type], "type", "options")
     for name in given:
         if name not in known:
-            raise wrong_part(name, f"unknown part; a {job_type} job has the parts {', '.join(known)}")
+            raise wrong_part(name, f"unknown part of the form; a {job_type} job takes {', '.join(known)}")
     sent = read_json(_text(form, "options", "{}"), "options")
     options = parse_options(sent)
     check_options(job_type, options)
@@ -154,7 +155,7 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
     given = read_json(body, "the body")
     if not isinstance(given, dict):
         raise InvalidRequest(
-            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="not an object")]
+            "the body must be a JSON object", errors=[ProblemItem(pointer="", detail="must be a JSON object")]
         )
     job_type = parse_type(given.get("type", "registration"))
     check_meshes(job_type, given)
@@ -167,7 +168,7 @@ def _from_json(api: Api, caller: Caller, body: bytes, key: str | None) -> Submis
     try:
         job = REQUESTS[job_type].model_validate(given)
     except ValidationError as error:
-        raise invalid_request(error) from error
+        raise invalid_request(error, given, REQUESTS[job_type]) from error
     inputs: dict[str, MeshRef] = {name: getattr(job, name) for name in MESHES[job_type]}
     for name, ref in inputs.items():
         check_mesh(api, caller, ref, name)
@@ -187,7 +188,7 @@ def check_mesh(api: Api, caller: Caller, ref: MeshRef, where: str) -> None:
             api.mesh_guard.check_url(ref.url)
         except ForbiddenAddress as error:
             item = ProblemItem(pointer=f"/{where}/url", detail=str(error)[:300])
-            raise InvalidRequest(f"{where}: url {error}", errors=[item]) from error
+            raise InvalidRequest(f"{where}: url: {error}", errors=[item]) from error
     elif not api.jobs.touch_blob(ref.blob, caller.tenant) or not api.blobs.has(ref.blob):
         raise UnknownBlob(f"{where}: no blob {ref.blob} is stored; send it by PUT /v1/blobs first")
 
@@ -289,9 +290,14 @@ def _discard(api: Api, uploads: dict[str, tuple[Upload, str | None]]) -> None:
 def _source(form: FormData, name: str) -> Source:
     given = form.getlist(name)
     if len(given) != 1:
-        raise wrong_part(name, "the file is missing" if not given else "more than one file was sent")
+        raise wrong_part(
+            name,
+            f"missing; send it as a file of the form, with curl -F {name}=@FILE"
+            if not given
+            else "sent more than once; send one file",
+        )
     if not isinstance(given[0], UploadFile):
-        raise wrong_part(name, f"must be a file, not text (with curl: -F {name}=@part.stl, mind the @)")
+        raise wrong_part(name, f"must be a file, not text; with curl put @ before its name: -F {name}=@FILE")
     return Source(name, given[0].file, given[0].filename or None)
 
 
@@ -300,7 +306,7 @@ def _text(form: FormData, name: str, default: str) -> str:
     if isinstance(given, str):
         return given
     if given.size is not None and given.size > MAX_TEXT_BYTES:
-        raise PayloadTooLarge(f"{name}: larger than {MAX_TEXT_BYTES} bytes")
+        raise PayloadTooLarge(f"{name}: more than {MAX_TEXT_BYTES // 1024} KiB of text; send less")
     try:
         return given.file.read().decode()
     except UnicodeDecodeError as error:
@@ -314,11 +320,13 @@ def check_room(api: Api, caller: Caller, key: str | None, size: int = 0, count: 
     check_quota(api, caller, size)
     if api.jobs.count(Status.ACCEPTED, caller.tenant) + count > api.settings.tenant_queue_limit:
         raise TenantQueueFull(
-            f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting; "
-            "send the job again when some have finished"
+            f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting, which is the limit; "
+            "send the job again when some have ended"
         )
     if api.jobs.count(Status.ACCEPTED) + count > api.settings.queue_limit:
-        raise QueueFull(f"{api.settings.queue_limit} jobs are waiting; send the job again later")
+        raise QueueFull(
+            f"{api.settings.queue_limit} jobs are waiting, which is the limit; send the job again later"
+        )
 
 
 async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
@@ -328,6 +336,6 @@ async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
         body += chunk
         if len(body) > max_bytes:
             raise PayloadTooLarge(
-                f"the limit of a JSON body is {max_bytes} bytes; send meshes by PUT /v1/blobs"
+                f"a JSON body may have at most {max_bytes // 1024} KiB; send meshes by PUT /v1/blobs"
             )
     return body

@@ -4,6 +4,8 @@ from typing import Annotated, Any
 
 from fastapi import Header, Path
 
+from service.contract.model_base import VISIBLE_ASCII
+
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
 
 
@@ -12,6 +14,6 @@ def idempotency_header(effect: str) -> Any:
     return Header(
         min_length=1,
         max_length=255,
-        pattern=r"^[\x21-\x7e]+$",
+        pattern=VISIBLE_ASCII,
         description=f"chosen by the client; {effect}",
     )

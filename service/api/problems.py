@@ -23,7 +23,8 @@ from service.contract.errors import (
     Unauthorized,
     problem_of,
 )
-from service.contract.schemas import Problem, ProblemItem
+from service.contract.invalid_values import problem_item, reason
+from service.contract.schemas import Problem
 from service.storage.retry import unavailable_dependency
 
 MEDIA_TYPE = "application/problem+json"
@@ -95,10 +96,7 @@ def _on_own_error(_: Request, error: Exception) -> Response:
 
 def _on_invalid_request(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 (tells the type checker)
-    items = [
-        ProblemItem(pointer="/" + "/".join(map(str, each["loc"])), detail=each["msg"])
-        for each in error.errors()
-    ]
+    items = [problem_item("/" + "/".join(map(str, each["loc"])), reason(each)) for each in error.errors()]
     detail = "; ".join(
         f"{item.pointer.removeprefix('/').replace('/', ' ')}: {item.detail}" for item in items[:3]
     )
@@ -116,11 +114,18 @@ def _on_http_exception(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 (tells the type checker)
     match error.status_code:
         case 404:
-            known: ServiceError = NotFound(f"{request.url.path} does not exist; see /docs")
+            known: ServiceError = NotFound(
+                f"there is nothing at {request.url.path}; /docs lists the addresses"
+            )
         case 405:
-            known = MethodNotAllowed(f"{request.method} is not allowed at {request.url.path}; see /docs")
+            known = MethodNotAllowed(
+                f"{request.url.path} does not take {request.method}; /docs lists the methods of each address"
+            )
         case status if status < 500:
-            known = BadRequest(f"{error.detail}")
+            known = BadRequest(
+                f"the request cannot be read ({str(error.detail).rstrip('.')}); "
+                "of a form, let the HTTP client set Content-Type"
+            )
         case _:
             return _on_unexpected(request, error)
     return problem_response(problem_of(known), error.headers)

@@ -17,8 +17,8 @@ def check_disk(api: Api, size: int) -> None:
     if free - size < api.settings.min_free_disk_mib * MIB:
         api.metrics.add({"cusp_uploads_refused": {"disk": 1}})
         raise StorageFull(
-            f"{free // MIB} MiB are free on the data volume of the service, of which "
-            f"{api.settings.min_free_disk_mib} are kept free; send it again later, or tell the operator"
+            f"too little room on the data volume of the service: {free // MIB} MiB are free, and "
+            f"{api.settings.min_free_disk_mib} MiB must stay free; send it again later, or tell the operator"
         )
 
 
@@ -31,6 +31,7 @@ def check_quota(api: Api, caller: Caller, size: int) -> None:
     if used + size > quota:
         api.metrics.add({"cusp_uploads_refused": {"quota": 1}})
         raise QuotaExceeded(
-            f"meshes and results of this tenant take {used // MIB} MiB of {api.settings.tenant_quota_mib}; "
-            "remove jobs that are no longer needed, or wait for retention"
+            f"meshes and results of this tenant take {used // MIB} MiB, and the quota is "
+            f"{api.settings.tenant_quota_mib} MiB; remove jobs that are no longer needed, or wait until the "
+            "service removes old ones"
         )

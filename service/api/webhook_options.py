@@ -1,7 +1,8 @@
 """The webhook of a job: its address is checked before the job is stored."""
 
 from service.contract.errors import InvalidOptions
-from service.contract.options import problem_item, summarize
+from service.contract.invalid_values import problem_item
+from service.contract.options import summarize
 from service.contract.schemas import Options
 from service.webhooks.address_guard import ForbiddenAddress, Guard
 

@@ -13,7 +13,10 @@ from service.cli.options import refuse
 from service.client.requests import DEFAULT_SERVER
 from service.client.sync import Client
 
-app = typer.Typer(help="What a service keeps with a design for all its scans.", no_args_is_help=True)
+app = typer.Typer(
+    help="Regions, limits and alignment that a service keeps with a design for its scans.",
+    no_args_is_help=True,
+)
 Design = Annotated[str, typer.Argument(metavar="DESIGN", help="file of the design, or the id of its blob")]
 
 

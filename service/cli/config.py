@@ -11,6 +11,7 @@ from rich.table import Table
 from sqlalchemy import make_url
 
 from service.cli.options import refuse
+from service.contract.invalid_values import reason
 from service.settings import ServiceSettings
 
 app = typer.Typer(help="The settings of the service.", no_args_is_help=True)
@@ -25,7 +26,9 @@ def show(as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = F
     try:
         settings = ServiceSettings()
     except ValidationError as error:
-        reasons = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        reasons = [
+            f"CUSP_{'.'.join(map(str, each['loc'])).upper()}: {reason(each)}" for each in error.errors()
+        ]
         refuse("; ".join(reasons))
     rows = []
     for name, field in ServiceSettings.model_fields.items():

@@ -42,7 +42,9 @@ FAIL = 9  #: exit code of a part that fails
 PATIENCE_S = 2.0  # short, since a person waits
 
 Server = Annotated[str, typer.Option(help="address of the service", envvar="CUSP_SERVER")]
-Tolerance = Annotated[float | None, typer.Option(help="limit for the shares within, above and below")]
+Tolerance = Annotated[
+    float | None, typer.Option(help="deviation up to which the surface is within tolerance")
+]
 ScanAccuracy = Annotated[
     float | None, typer.Option(help="accuracy of the scanner, one sigma, as its maker states it")
 ]

@@ -16,6 +16,7 @@ from service.cli import keys as cli_keys
 from service.cli import meshes as cli_meshes
 from service.cli import webhooks as cli_webhooks
 from service.cli.part import become
+from service.contract.invalid_values import reason
 from service.settings import ServiceSettings
 
 app = typer.Typer(
@@ -124,10 +125,7 @@ def _settings(**overrides: object) -> ServiceSettings:
             }
         )
     except ValidationError as error:
-        reasons = "; ".join(
-            ": ".join([*map(str, each["loc"]), each["msg"].removeprefix("Value error, ")])
-            for each in error.errors()
-        )
+        reasons = "; ".join(": ".join([*map(str, each["loc"]), reason(each)]) for each in error.errors())
         _refuse(reasons)
 
 

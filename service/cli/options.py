@@ -23,7 +23,7 @@ SettingsFile = Annotated[
 ]
 UnitOption = Annotated[str, typer.Option(help="auto, mm, cm, m or inch")]
 AsJson = Annotated[bool, typer.Option("--json", help="print results.json instead of the summary")]
-Seed = Annotated[int, typer.Option(help="of every random draw")]
+Seed = Annotated[int, typer.Option(help="seed of every random draw")]
 Preset = Annotated[str, typer.Option(help="default or paper")]
 
 

@@ -10,6 +10,7 @@ from typing import NoReturn
 
 from pydantic import ValidationError
 
+from service.contract.invalid_values import reason
 from service.execution.process import die_with_parent, keep_secrets
 from service.logs import set_up_logs
 from service.settings import ServiceSettings
@@ -24,7 +25,9 @@ def run_part(name: str, parent: int) -> int:
         settings = ServiceSettings()
     except ValidationError as error:
         return refuse(
-            "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+            "; ".join(
+                f"CUSP_{'.'.join(map(str, each['loc'])).upper()}: {reason(each)}" for each in error.errors()
+            )
         )
     set_up_logs(settings, name)
     if parent:

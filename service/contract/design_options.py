@@ -6,7 +6,8 @@ from pydantic import ValidationError
 
 from pipeline import Acceptance, Characteristics, ToleranceFit, limits_are_given, with_named_regions
 from service.contract.errors import InvalidOptions
-from service.contract.options import problem_item, problem_items, summarize
+from service.contract.invalid_values import problem_item, problem_items
+from service.contract.options import summarize
 from service.contract.schemas import Options
 
 TAKEN = ("tolerance_mm", "acceptance", "alignment")
@@ -49,10 +50,11 @@ def completed(options: Options, kept: Characteristics | None) -> Options:
             raise invalid_option(f"/options/{name}", str(error)) from error
     merged = merged.model_copy(update=changed)
     check_limits(merged)
+    document = merged.model_dump(mode="json")
     try:
-        return Options.model_validate(merged.model_dump(mode="json"))
+        return Options.model_validate(document)
     except ValidationError as error:
-        items = problem_items(error, ["options"])
+        items = problem_items(error, ["options"], document, Options)
         raise InvalidOptions(summarize(items), errors=items) from error
 
 

@@ -33,7 +33,8 @@ def parse_type(value: object) -> JobType:
     """The type of a job. Raises UnsupportedType."""
     if value not in JOB_TYPES:
         raise UnsupportedType(
-            f"type {value!r}: this version supports {', '.join(JOB_TYPES)}; the default is the first"
+            f"type {value!r}: must be {', '.join(JOB_TYPES[:-1])} or {JOB_TYPES[-1]}; without a type it "
+            f"is {JOB_TYPES[0]}"
         )
     return value
 

@@ -4,8 +4,10 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-BlobId = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{64}$", description="`sha256:` and 64 hex digits")]
+BLOB_ID, SHA256 = r"^sha256:[0-9a-f]{64}$", r"^[0-9a-f]{64}$"
+BlobId = Annotated[str, Field(pattern=BLOB_ID, description="`sha256:` and 64 hex digits")]
 NO_NUL = r"^[^\x00]*$"  # PostgreSQL has no text with it
+VISIBLE_ASCII = r"^[\x21-\x7e]+$"
 
 
 class Request(BaseModel):

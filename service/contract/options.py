@@ -4,11 +4,12 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import JsonValue, ValidationError
+from pydantic import BaseModel, JsonValue, ValidationError
 
 from pipeline import Settings
 from service.ceilings import setting_value
 from service.contract.errors import BadRequest, InvalidOptions, InvalidRequest
+from service.contract.invalid_values import plain, problem_item, problem_items, shown
 from service.contract.schemas import Options, ProblemItem
 
 
@@ -22,15 +23,17 @@ def parse_options(document: object) -> Options:
     if isinstance(document, str | bytes):
         document = read_json(document, "options")
     if not isinstance(document, dict):
-        raise InvalidOptions(
-            "options: must be a JSON object", errors=[problem_item("/options", "must be a JSON object")]
-        )
+        item = problem_item("/options", f"must be a JSON object, not {shown(document)}")
+        raise InvalidOptions(summarize([item]), errors=[item])
     try:
         options = Options.model_validate(document)
+    except ValidationError as error:
+        items = problem_items(error, ["options"], document, Options)
+        raise InvalidOptions(summarize(items), errors=items) from error
+    try:
         settings = resolve_settings(options)
     except ValidationError as error:
-        prefix = ["options", "settings"] if error.title == Settings.__name__ else ["options"]
-        items = problem_items(error, prefix)
+        items = problem_items(error, ["options", "settings"], merged_settings(options), Settings)
         raise InvalidOptions(summarize(items), errors=items) from error
     if len(set(settings.study.detectors)) < len(settings.study.detectors):
         where = (
@@ -45,10 +48,15 @@ def parse_options(document: object) -> Options:
 
 def resolve_settings(options: Options) -> Settings:
     """The pipeline's settings: the preset, `settings` over it, `study` over those. Raises ValidationError."""
+    return Settings.model_validate(merged_settings(options))
+
+
+def merged_settings(options: Options) -> dict[str, Any]:
+    """What `resolve_settings` checks."""
     settings = _merged(Settings.preset(options.preset).model_dump(), options.settings)
     if options.study is not None:
         settings = _merged(settings, {"study": options.study.model_dump(exclude_unset=True)})
-    return Settings.model_validate(settings)
+    return settings
 
 
 def check_ceilings(options: Options, ceilings: Mapping[str, float]) -> None:
@@ -62,29 +70,17 @@ def check_ceilings(options: Options, ceilings: Mapping[str, float]) -> None:
             where = f"/options/settings/{section}/{field}"
             if section == "study" and options.study is not None and field in options.study.model_fields_set:
                 where = f"/options/study/{field}"
-            items.append(problem_item(where, f"must be at most {ceiling:g} on this server"))
+            items.append(
+                problem_item(where, f"must be at most {plain(ceiling)} on this server, and is {plain(value)}")
+            )
     if items:
         raise InvalidOptions(summarize(items), errors=items)
 
 
-def invalid_request(error: ValidationError) -> InvalidRequest:
-    """The problem of a JSON body that does not match its schema."""
-    items = problem_items(error, [])
+def invalid_request(error: ValidationError, document: object, model: type[BaseModel]) -> InvalidRequest:
+    """The problem of a JSON body that does not match the schema of `model`."""
+    items = problem_items(error, [], document, model)
     return InvalidRequest(summarize(items), errors=items)
-
-
-def problem_items(error: ValidationError, prefix: list[str]) -> list[ProblemItem]:
-    """Each wrong value with a JSON Pointer to it."""
-    items = []
-    for each in error.errors(include_url=False, include_context=False):
-        words = (
-            "unknown key" if each["type"] == "extra_forbidden" else each["msg"].removeprefix("Value error, ")
-        )
-        steps = [*prefix, *(str(step) for step in each["loc"])]
-        items.append(
-            problem_item("".join("/" + step.replace("~", "~0").replace("/", "~1") for step in steps), words)
-        )
-    return items
 
 
 def read_json(text: str | bytes, what: str) -> Any:
@@ -106,11 +102,7 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, JsonValue]) -> dict[str,
     return merged
 
 
-def problem_item(pointer: str, detail: str) -> ProblemItem:
-    return ProblemItem(pointer=pointer, detail=detail[:300])
-
-
 def summarize(items: list[ProblemItem]) -> str:
-    """`options.seed: Input should be ...`, for each; at most three."""
+    """`options.seed: must be ...`, for each; at most three."""
     details = [f"{item.pointer.removeprefix('/').replace('/', '.')}: {item.detail}" for item in items[:3]]
     return "; ".join(details) + (f"; and {len(items) - 3} more" if len(items) > 3 else "")

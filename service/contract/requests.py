@@ -6,7 +6,7 @@ from pydantic import Field, ValidatorFunctionWrapHandler, WrapValidator, model_v
 
 from pipeline import Reference
 from service.contract.job_options import Options, Webhook
-from service.contract.model_base import NO_NUL, BlobId, Request
+from service.contract.model_base import NO_NUL, SHA256, BlobId, Request
 
 MAX_BATCH = 1000  # scans of one batch
 
@@ -25,9 +25,7 @@ class UrlRef(Request):
         max_length=4000,
         description="http(s) address; a private one only if the operator allows its network",
     )
-    sha256: str | None = Field(
-        None, pattern=r"^[0-9a-f]{64}$", description="hex digest that the content must have"
-    )
+    sha256: str | None = Field(None, pattern=SHA256, description="hex digest that the content must have")
     filename: str | None = Field(
         None, max_length=255, description="used to detect the format only; null: the end of the address"
     )

@@ -258,7 +258,7 @@ OTHERS: dict[str, list[Any]] = {
         {"code": "loose_fit", "detail": "the truncated RMS is 0.72 % of the diagonal", "value": 0.0072}
     ],
     "Note": [{"code": "point_cloud", "detail": "scan: points without triangles; they weigh the same each"}],
-    "ProblemItem": [{"pointer": "/options/settings/segmentation/quantil", "detail": "unknown key"}],
+    "ProblemItem": [{"pointer": "/options/tolerance", "detail": "unknown key; did you mean tolerance_mm?"}],
     "Alternative": [
         {
             "matrix": [[-1, 0, 0, 40.0], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],

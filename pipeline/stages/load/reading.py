@@ -182,7 +182,7 @@ def _check_coordinates(mesh: Mesh) -> None:
     if far.size:
         place = ", ".join(f"{x:.3g}" for x in mesh.vertices[far[0]])
         raise CoordinateOutOfRange(
-            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:.0e} mm "
+            f"{far.size} of {len(mesh.vertices)} vertices lie more than {MAX_COORDINATE_MM:,.0f} mm "
             "from the origin, the first "
             f"at ({place}) mm"
         )

@@ -112,7 +112,7 @@ def _check(code: int, messages: str) -> None:
             f"the STEP has a syntax error at or before line {line}: {syntax[2].strip()[:200]}"
         )
     if syntax := _SYNTAX_COUNT.search(messages):
-        raise UnreadableFile(f"the STEP has {syntax[1]} syntax errors")
+        raise UnreadableFile(f"the STEP is damaged: syntax errors: {syntax[1]}")
     if unresolved := _UNRESOLVED.search(messages):
         raise UnreadableFile(
             f"the STEP is damaged: {unresolved[1]} of its entities refer to entities that are not in the file"

@@ -61,10 +61,11 @@ async def put_characteristics(
     """Keep named regions, limits and an alignment with a design; each later job on it uses what its own
     options do not state.
     """
+    document = read_json(await json_body(request), "the body")
     try:
-        given = Characteristics.model_validate(read_json(await json_body(request), "the body"))
+        given = Characteristics.model_validate(document)
     except ValidationError as error:
-        raise invalid_request(error) from error
+        raise invalid_request(error, document, Characteristics) from error
     return await run_in_threadpool(_put, api, caller, blob, given, if_match, if_none_match)
 
 

@@ -64,14 +64,14 @@ def download(job_id: JobId, name: FileName, request: Request, api: UseApi, calle
 
 def _check_successful(row: JobRow) -> None:
     if row.status is Status.DISMISSED:
-        raise JobDismissed(f"job {row.id} was dismissed; start a new one")
+        raise JobDismissed(f"job {row.id} was cancelled and has no results; start a new one")
     if row.status is not Status.SUCCESSFUL:
         why = (
-            "failed; see its results"
+            f"failed, so it has no files; GET /v1/jobs/{row.id}/results answers its error"
             if row.status is Status.FAILED
-            else f"{row.status}; poll it until it is final"
+            else f"is {row.status}, so it has no results yet; poll GET /v1/jobs/{row.id} until it ends"
         )
-        raise JobNotFinal(f"job {row.id} is {why}")
+        raise JobNotFinal(f"job {row.id} {why}")
 
 
 def _download(api: Api, request: Request, row: JobRow, name: str, *, inline: bool = False) -> Response:

@@ -119,7 +119,7 @@ async def _wait(api: Api, row: JobRow, caller: Caller, seconds: int) -> JobRow:
         while await watched.newer(version, max(0.0, deadline - time.monotonic())):
             version = watched.version
             if watched.row is None:
-                raise JobNotFound(f"no job has the id {job_id!r}; it was removed meanwhile")
+                raise JobNotFound(f"no job has the id {job_id!r}; it was removed while you waited")
             row = watched.row
             if row.status.is_final:
                 break

@@ -130,7 +130,8 @@ def cancel(job_id: JobId, api: UseApi, caller: Writes) -> Job:
     row = api.job(job_id, caller)
     if row.status.is_final and row.status is not Status.DISMISSED:
         raise JobFinal(
-            f"job {job_id} is {row.status}; its results are kept. To remove it: DELETE /v1/jobs/{job_id}"
+            f"job {job_id} is {row.status} already, so there is nothing to cancel; to remove it: DELETE "
+            f"/v1/jobs/{job_id}"
         )
     if row.status is not Status.DISMISSED and not api.jobs.dismiss(job_id, row.status):
         return cancel(job_id, api, caller)  # its status changed meanwhile, which happens a few times at most
@@ -169,13 +170,19 @@ def dismiss(
     """Remove a job that has ended, with its results. One that has not ended is cancelled, with `cancel`."""
     row = api.jobs.find(job_id, caller.tenant)
     if row is None:
-        raise JobNotFound(f"no job has the id {job_id!r}")
+        raise JobNotFound(
+            f"no job has the id {job_id!r}: check the id and the API key; ended jobs are removed after "
+            "some time"
+        )
     if row.status.is_final:
         api.jobs.remove(job_id)
         api.blobs.remove_results(job_id)  # on each call: an earlier one may have been interrupted
         return Response(status_code=204)
     if cancel is False:
-        raise JobNotFinal(f"job {job_id} is {row.status}; cancel it, or remove it when it is final")
+        raise JobNotFinal(
+            f"job {job_id} is {row.status}, and only an ended job can be removed; send "
+            "cancel=true to cancel it, or wait for its end"
+        )
     if not api.jobs.dismiss(job_id, row.status):
         return dismiss(job_id, api, caller, cancel)  # its status changed meanwhile; decide again
     return Response(status_code=204, headers=CANCELLED_BY_DELETE if cancel is None else {})

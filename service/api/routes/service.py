@@ -30,7 +30,7 @@ def livez() -> Health:
 def readyz(api: UseApi) -> Health:
     """Readiness: the database answers, a worker is alive, and the disk has room."""
     if not api.jobs.has_worker(DEAD_AFTER_MS):
-        raise NotReady("no worker is alive; jobs are accepted and wait for one")
+        raise NotReady("no worker is running; jobs are accepted, and wait until one starts")
     free_mib = shutil.disk_usage(api.settings.data_dir).free // MIB
     if free_mib < api.settings.min_free_disk_mib:
         raise NotReady(

@@ -238,7 +238,7 @@ def test_the_decision_follows_from_the_checks() -> None:
 def test_reasons_name_value_limit_and_place() -> None:
     acceptance = Acceptance(upper_mm=0.2)
     _, reasons = decide(OK, checks_of(part_of(BUMPED), acceptance), acceptance)
-    assert reasons[0].startswith("highest: 0.300 mm is above its limit of 0.200 mm at (")
+    assert reasons[0].startswith("highest: the deviation of 0.300 mm is above its limit of 0.200 mm, at (")
 
 
 def test_the_tolerance_of_the_job_is_the_limit_where_there_is_none() -> None:
@@ -280,7 +280,7 @@ def test_without_a_pose_nothing_is_measured() -> None:
     verdict = Verdict(status="no_match", confidence=0.0, findings=[])
     found = without_pose(verdict, Acceptance(tolerance_mm=0.2))
     assert (found.decision, found.checks, found.extremes, found.patch_mm) == ("not_judged", [], [], None)
-    assert found.reasons == ["the alignment is no match, so the part cannot be judged"]
+    assert found.reasons == ["the alignment is no match, so the part is not judged"]
 
 
 def test_segments_by_a_place_are_those_under_it_whatever_their_numbers() -> None:

@@ -100,14 +100,17 @@ def test_values_follow_the_language() -> None:
         position_mm=[32.891, -14.742, 0.0],
     )
     minus = "\N{MINUS SIGN}"
-    english = f"rim: highest: 0.496 mm is above its limit of 0.300 mm at (32.89, {minus}14.74, 0.00) mm"
+    where = f"(32.89, {minus}14.74, 0.00) mm in the frame of the design"
+    english = f"rim: highest: the deviation of 0.496 mm is above its limit of 0.300 mm, at {where}"
     assert reason(check) == english
-    where = f"(32,89; {minus}14,74; 0,00) mm"
-    german = f"rim: höchste Stelle: 0,496 mm liegt über der Grenze von 0,300 mm, bei {where}"
+    where = f"(32,89; {minus}14,74; 0,00) mm im System des Solls"
+    german = (
+        f"rim: höchste Stelle: die Abweichung von 0,496 mm liegt über der Grenze von 0,300 mm, bei {where}"
+    )
     assert GERMAN.sentence(english) == german
     assert GERMAN.sentence(
-        sentence("the alignment is {status}, so the part cannot be judged", status="no match")
-    ) == ("das Urteil über die Ausrichtung ist „passt nicht“; das Teil kann daher nicht bewertet werden")
+        sentence("the alignment is {status}, so the part is not judged", status="no match")
+    ) == ("das Urteil über die Ausrichtung ist „passt nicht“; das Teil wird daher nicht bewertet")
 
 
 def test_a_list_of_sentences_is_translated_one_by_one() -> None:
@@ -116,12 +119,13 @@ def test_a_list_of_sentences_is_translated_one_by_one() -> None:
         SmallMotion("rotation", (1, 0, 0), (20, 0, 0.5)),
     ]
     why = sentence(
-        "a motion stays free with {count} matched landmarks: {motion}",
+        "the matched landmarks that it uses ({count}) leave a motion free: {motion}",
         count=2,
         motion="; ".join(map(str, motions)),
     )
     assert GERMAN.sentence(why) == (
-        "mit 2 zugeordneten Landmarken bleibt eine Bewegung frei: die Verschiebung entlang (0; 0; 1); "
+        "die zugeordneten Landmarken, die sie verwendet (2), lassen eine Bewegung frei: "
+        "die Verschiebung entlang (0; 0; 1); "
         "die Drehung um die Achse (1; 0; 0) durch (20; 0; 0,5) mm"
     )
 

@@ -126,4 +126,4 @@ def test_a_part_is_not_judged_where_its_alignment_cannot_be_made(design: Path, t
     assert result.inspection is not None
     assert result.alignment is not None
     assert (result.inspection.decision, result.alignment.applied) == ("not_judged", False)
-    assert "a motion stays free" in result.inspection.reasons[0]
+    assert "leave a motion free" in result.inspection.reasons[0]

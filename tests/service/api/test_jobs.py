@@ -137,7 +137,7 @@ def test_settings_go_over_the_preset(service: Service) -> None:
 @pytest.mark.parametrize(
     ("files", "words"),
     [
-        ({"design": ("d.obj", TRIANGLE_OBJ)}, "scan: the file is missing"),
+        ({"design": ("d.obj", TRIANGLE_OBJ)}, "scan: missing; send it as a file of the form"),
         ({"design": ("d.obj", TRIANGLE_OBJ), "scan": (None, "text")}, "scan: must be a file"),
         (
             {"design": ("d.obj", TRIANGLE_OBJ), "scan": ("s.obj", TRIANGLE_OBJ), "source": ("x", b"y")},
@@ -413,7 +413,9 @@ def test_cancel_ends_a_job_and_never_its_results(service: Service) -> None:
     assert (cancelled.status_code, cancelled.json()["status"]) == (200, "dismissed")
     assert service.http.post(f"/v1/jobs/{waiting}/cancel").json() == cancelled.json()  # a repeated request
     assert service.waiting == []
-    assert_problem(service.http.post(f"/v1/jobs/{done}/cancel"), 409, "job_final", "successful", "kept")
+    assert_problem(
+        service.http.post(f"/v1/jobs/{done}/cancel"), 409, "job_final", "successful", "nothing to cancel"
+    )
     assert service.http.get(f"/v1/jobs/{done}/results").content == RESULTS
     assert_problem(service.http.post("/v1/jobs/unknown/cancel"), 404, "job_not_found")
 

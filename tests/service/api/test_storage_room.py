@@ -34,7 +34,7 @@ def test_a_tenant_stores_no_more_than_its_quota(service: Service) -> None:
         service.http.put("/v1/blobs", content=LARGE + b"#"),
         service.submit(scan=("s.obj", LARGE)),
     ):
-        assert_problem(answer, 507, "quota_exceeded", "of 1")
+        assert_problem(answer, 507, "quota_exceeded", "quota is 1")
         assert answer.headers["retry-after"] == "300"
     assert refused(service, "quota") == 2
     assert service.http.get("/v1/limits").json()["tenant_stored_mib"] == pytest.approx(0.586, abs=0.001)
@@ -71,6 +71,6 @@ def test_an_upload_that_would_fill_the_disk_is_refused(
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(kept * 2, kept - 1, kept + len(TRIANGLE_OBJ)))
     assert service.http.put("/v1/blobs", content=TRIANGLE_OBJ).status_code == 200
     for answer in (service.http.put("/v1/blobs", content=LARGE), service.submit()):
-        assert_problem(answer, 507, "storage_full", "are kept free")
+        assert_problem(answer, 507, "storage_full", "must stay free")
         assert answer.headers["retry-after"] == "60"
     assert refused(service, "disk") == 2

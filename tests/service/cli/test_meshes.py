@@ -149,7 +149,7 @@ def test_study_as_json_is_the_results_of_the_kind_asked(blob: Path, quick: Path,
     [
         ("segment", ("--method", "voodoo"), "options.settings.segmentation.method"),
         ("segment", ("--n-centres", 0), "options.settings.segmentation.n_centres"),
-        ("segment", ("--unit", "ell"), "options.units.mesh: Input should be 'auto', 'mm'"),
+        ("segment", ("--unit", "ell"), "options.units.mesh: must be 'auto', 'mm'"),
         ("segment", ("--preset", "best"), "options.preset"),
         ("landmarks", ("--detector", "voodoo"), "options.settings.landmarks.detector"),
         ("landmarks", ("--count", 0), "options.settings.landmarks.count"),

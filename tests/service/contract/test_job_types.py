@@ -74,7 +74,7 @@ def test_a_listing_is_filtered_by_type(service: Service) -> None:
 
 
 def test_a_type_that_is_none_is_refused_with_those_that_are(service: Service) -> None:
-    words = ("'nonsense'", "registration, landmarks, study")
+    words = ("'nonsense'", "registration, landmarks or study")
     assert_problem(service.submit_one("nonsense"), 422, "unsupported_type", *words)
     assert_problem(service.http.post("/v1/jobs", json={"type": "nonsense"}), 422, "unsupported_type", *words)
     assert_problem(

@@ -268,7 +268,7 @@ def test_a_syntax_error_is_named_with_its_line_where_open_cascade_says_so() -> N
     ):
         read(b"\n".join([*lines[:6], b"HEADER;", *lines[7:]]))
     lines[40] = lines[40].replace(b";", b"")
-    with pytest.raises(errors.UnreadableFile, match=r"has 1 syntax errors"):
+    with pytest.raises(errors.UnreadableFile, match=r"syntax errors: 1"):
         read(b"\n".join(lines))
 
 
