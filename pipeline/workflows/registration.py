@@ -23,6 +23,7 @@ from pipeline.core.timing import StageTimer
 from pipeline.inspection import qdas
 from pipeline.inspection.alignment import Aligned, align
 from pipeline.inspection.inspect import inspect, without_pose
+from pipeline.inspection.places import check_places
 from pipeline.report.artifacts import Artifacts, write_registration
 from pipeline.stages.deviation import Deviations, deviation, deviation_of_design
 from pipeline.stages.registration import Registration
@@ -91,6 +92,7 @@ def compute_registration(
     if input_design is not None:
         design = build_design(input_design, fingerprint(design_file, settings, seed), settings, timer, seed)
     assert design is not None  # noqa: S101 (for mypy: one of the two was given)
+    check_places(design, job.acceptance, job.alignment)
     input_scan = input_scan.without(*without_oversize(input_scan.cleaned, design.analysis.mesh))
     input_scan = input_scan.without(*without_table(input_scan.cleaned, design.analysis.mesh, seed))
     scan = analyse_mesh(

@@ -1,13 +1,15 @@
 """The whole way from two files to a decision: a printer that drifts, a burr."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 from pipeline import Acceptance, BestFit, LandmarksFit, RegistrationResult
-from pipeline.core.errors import UnknownRegion
+from pipeline.core.alignment import parse_alignment
+from pipeline.core.errors import PointOffSurface, UnknownRegion
 from pipeline.core.mesh import Mesh
 from tests.support import shapes
 from tests.support.registering import register
@@ -81,10 +83,42 @@ def test_a_burr_is_found_where_it_is(design: Path, tmp_path: Path) -> None:
     assert (highest.passed, highest.value) == (False, first.value_mm)
 
 
-def test_a_segment_that_the_design_does_not_have_is_named(design: Path, tmp_path: Path) -> None:
-    region = {"name": "rim", "region": {"kind": "segments", "segments": [999]}, "tolerance_mm": 0.1}
-    with pytest.raises(UnknownRegion, match="'rim' names segment 999"):
-        inspected(design, shrunk(0.0), tmp_path, Acceptance.model_validate({"regions": [region]}))
+RIM = {"name": "rim", "region": {"kind": "segments", "segments": [999]}, "tolerance_mm": 0.1}
+RIM_FIT = {"kind": "best_fit", "regions": [{"region": {"kind": "segments", "segments": [999]}}]}
+#: Six points that hold every motion, the first of them far off the blob.
+FAR_FIT = {
+    "kind": "rps",
+    "points": [
+        {"name": name, "position_mm": place, "direction": direction, "radius_mm": 30}
+        for name, place, direction in (
+            *(("A1", [500, 0, 0], [0, 0, 1]), ("A2", [5, 5, 0], [0, 0, 1]), ("A3", [-5, 5, 0], [0, 0, 1])),
+            *(("B1", [5, 0, 9], [0, 1, 0]), ("B2", [-5, 0, 9], [0, 1, 0]), ("C1", [0, 5, 9], [1, 0, 0])),
+        )
+    ],
+}
+FAR = {"name": "P1", "position_mm": [500, 0, 0], "radius_mm": 1.0, "tolerance_mm": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("asked", "error", "message"),
+    [
+        ({"acceptance": {"regions": [RIM]}}, UnknownRegion, "'rim' names segment 999"),
+        ({"acceptance": {"points": [FAR]}}, PointOffSurface, "inspection point 'P1' is .* mm off"),
+        ({"alignment": RIM_FIT}, UnknownRegion, "'alignment.regions.0.' names segment 999"),
+        ({"alignment": FAR_FIT}, PointOffSurface, "alignment point 'A1' is .* mm off"),
+    ],
+)
+def test_a_place_that_the_design_does_not_have_is_told_before_the_search(
+    asked: dict[str, Any], error: type[Exception], message: str, design: Path, tmp_path: Path
+) -> None:
+    """Whatever the scan is: of another part, a search would end without a pose, and need no place."""
+    scan = save(shapes.torus(14.0, 5.0), tmp_path / "other.stl")
+    read = {"acceptance": Acceptance.model_validate, "alignment": parse_alignment}
+    given: dict[str, Any] = {key: read[key](value) for key, value in asked.items()}
+    heard: list[str] = []
+    with pytest.raises(error, match=message):
+        register(design, scan, settings=COARSE, on_progress=lambda step: heard.append(step.stage), **given)
+    assert "load" in heard and "registration" not in heard
 
 
 def test_the_alignment_asked_for_is_that_of_files_deviation_and_checks(design: Path, tmp_path: Path) -> None:
