@@ -54,7 +54,7 @@ GERMAN_STUDIES: dict[str, str] = {
         "ohne unentschiedene; > 0: Landmarken allein sind besser"
     ),
     "share of all trials up to K": "Anteil aller Versuche bis K",
-    "share of trials in which landmarks alone are": "Anteil der Versuche, in denen Landmarken allein … sind",
+    "share of trials in which landmarks alone are": "Anteil der Versuche; Landmarken allein:",
     "worse": "schlechter",
     "better": "besser",
     "tie (both exact up to rounding)": "unentschieden (beide bis auf Rundung genau)",

@@ -216,5 +216,6 @@ def _name_bars(axes: "Axes", detectors: Sequence[Detector], words: Words) -> Non
 
 
 def _local_ticks(axis: "Axis", words: Words) -> None:
-    """Shares with the decimal mark of the language."""
-    axis.set_major_formatter(lambda value, _: words.local(f"{value:.1f}"))
+    """Numbers with the decimal mark of the language; those of English are matplotlib's own."""
+    if words != ENGLISH:
+        axis.set_major_formatter(lambda value, _: words.local(f"{value:.3g}"))
