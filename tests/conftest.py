@@ -7,6 +7,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from xdist.scheduler import LoadFileScheduling
 
 from tests.support.data import data_folder
 from tests.support.storage import S3, Postgres, postgres_binaries, running_postgres, running_s3
@@ -14,6 +15,10 @@ from tests.support.storage import S3, Postgres, postgres_binaries, running_postg
 # How long an example takes says how busy the machine is. A test that hangs is ended by pytest-timeout.
 hypothesis.settings.register_profile("tests", deadline=None)
 hypothesis.settings.load_profile("tests")
+
+#: End-to-end tests that use the service of `tests/e2e/conftest.py`.
+ONE_SERVICE = {f"test_{name}.py" for name in ("client", "commands", "hostile", "service")}
+ONE_SERVICE |= {f"test_{name}.py" for name in ("page", "page_jobs", "page_part", "page_viewer")}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -26,6 +31,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     repeated = [each for each, count in Counter(item.nodeid for item in items).items() if count > 1]
     if repeated:
         raise pytest.UsageError(f"tests that share an id: {', '.join(repeated)}")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadFileScheduling:
+    """Files to workers, as `--dist loadfile`; but those that share a service and a browser to one, so that
+    both are started once, and their jobs done once.
+    """
+    return _WholeServices(config, log)
+
+
+class _WholeServices(LoadFileScheduling):
+    def _split_scope(self, nodeid: str) -> str:
+        file: str = super()._split_scope(nodeid)
+        return "tests/e2e" if Path(file).name in ONE_SERVICE and "e2e" in Path(file).parts else file
 
 
 def _interleave(items: list[pytest.Item]) -> None:

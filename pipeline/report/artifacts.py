@@ -28,8 +28,9 @@ from pipeline.report.registration_pictures import (
 )
 from pipeline.report.sections import Pictures
 from pipeline.report.views import standard_views
-from pipeline.report.words import Words
+from pipeline.report.words import ENGLISH, Words
 from pipeline.stages.deviation import Deviations
+from pipeline.stages.segmentation import Segmentation
 
 PAGE = "report.html"
 ALIGNED_3MF = "aligned.3mf"
@@ -76,7 +77,7 @@ def write_registration(
     artifacts = Artifacts(tuple(files))
     if settings.report.is_full:
         files = write_design(out, design, design_display, settings)
-        files += write_analysis(out, "scan", scan, settings)
+        files += write_analysis(out, "scan", scan, settings, words=words)
         views = registration_views(
             result, design.analysis, design_display, scan, scan_display, deviations, words
         )
@@ -88,17 +89,23 @@ def write_registration(
 
 
 def write_design(out: Path, design: DesignModel, display: DisplayMesh, settings: Settings) -> list[str]:
-    """The files that are the design's alone, from the model where it holds them."""
+    """The files that are the design's alone, from the model where it holds them; those that it keeps are
+    English.
+    """
     analysis, files = design.analysis, design.cached.files
     if not files:
         names = [*write_analysis(out, "design", analysis, settings, design.cached.brep), "design.glb"]
         colours = palette.of_clean_vertices(analysis.segmentation, analysis.resampled)
         landmarks_mm = analysis.mesh.vertices[analysis.landmark_vertices]
         glb.write_glb(out / "design.glb", display, colours, landmarks_mm)
-        design.keep_files({name: (out / name).read_bytes() for name in names})
-        return names
-    for name, content in files.items():
-        (out / name).write_bytes(content)
+        files = {name: (out / name).read_bytes() for name in names}
+        design.keep_files(files)
+    else:
+        for name, content in files.items():
+            (out / name).write_bytes(content)
+    words = Words(settings.report.language)
+    if words != ENGLISH:
+        _write_graph(out, "design", analysis.segmentation, settings, words)
     return list(files)
 
 
@@ -109,7 +116,7 @@ def write_segments(out: Path, mesh: Mesh, segments: SegmentationResult, settings
     if not settings.report.is_full:
         return Artifacts(("mesh.segments.ply",))
     writers.write_vertices(out / "mesh.vertices.csv", mesh, resampled.working_of_clean, segmentation)
-    decision_graph.write(out / "mesh.decision_graph.svg", "mesh", segmentation, settings.segmentation)
+    _write_graph(out, "mesh", segmentation, settings, Words(settings.report.language))
     return Artifacts(("mesh.segments.ply", "mesh.vertices.csv", "mesh.decision_graph.svg"))
 
 
@@ -127,8 +134,8 @@ def write_landmarks(
     writers.write_landmarks(out / "landmarks.csv", {"mesh": result.landmarks.mesh})
     if not settings.report.is_full:
         return Artifacts(("mesh.segments.ply", "landmarks.csv"))
-    files = write_analysis(out, "mesh", analysis, settings, brep)
     words, mesh = Words(settings.report.language), analysis.mesh
+    files = write_analysis(out, "mesh", analysis, settings, brep, words)
     names = standard_views(mesh)
     images = segment_pictures(words("mesh"), analysis, display_mesh(analysis), mesh, names, words)
     title = words("Segments and landmarks")
@@ -138,17 +145,22 @@ def write_landmarks(
 
 
 def write_study_page(
-    out: Path, result: StudyResult, settings: Settings, header: ReportHeader = NO_HEADER
+    out: Path, result: StudyResult, summary: str, settings: Settings, header: ReportHeader = NO_HEADER
 ) -> Artifacts:
-    """The report of a study, whose trials and picture lie in `out`."""
+    """The report of a study, whose trials and picture lie in `out`. summary : in its language"""
     if not settings.report.is_full:
         return Artifacts()
     words = Words(settings.report.language)
-    return _write_page(out, page.study(result, out, header, words), settings.report)
+    return _write_page(out, page.study(result, summary, out, header, words), settings.report)
 
 
 def write_analysis(
-    out: Path, name: str, analysis: Analysis, settings: Settings, brep: BrepFaces | None = None
+    out: Path,
+    name: str,
+    analysis: Analysis,
+    settings: Settings,
+    brep: BrepFaces | None = None,
+    words: Words = ENGLISH,
 ) -> list[str]:
     """`<name>.clean.ply`, `.vertices.csv`, `.decision_graph.svg`, and `.brep_faces.csv` of a CAD model."""
     writers.write_mesh(out / f"{name}.clean.ply", analysis.mesh)
@@ -156,13 +168,19 @@ def write_analysis(
         *(out / f"{name}.vertices.csv", analysis.mesh, analysis.resampled.working_of_clean),
         *(analysis.segmentation, analysis.landmarks.t2_all, analysis.landmark_vertices),
     )
-    graph = out / f"{name}.decision_graph.svg"
-    decision_graph.write(graph, name, analysis.segmentation, settings.segmentation)
-    files = [f"{name}.clean.ply", f"{name}.vertices.csv", graph.name]
+    graph = _write_graph(out, name, analysis.segmentation, settings, words)
+    files = [f"{name}.clean.ply", f"{name}.vertices.csv", graph]
     if brep is not None:
         files.append(f"{name}.brep_faces.csv")
         writers.write_brep_faces(out / files[-1], analysis.mesh, brep, analysis.segment_of_faces())
     return files
+
+
+def _write_graph(out: Path, name: str, segmentation: Segmentation, settings: Settings, words: Words) -> str:
+    """The decision graph; its name."""
+    path = out / f"{name}.decision_graph.svg"
+    decision_graph.write(path, name, segmentation, settings.segmentation, words)
+    return path.name
 
 
 def display_mesh(analysis: Analysis) -> DisplayMesh:

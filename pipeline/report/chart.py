@@ -4,7 +4,7 @@ A job draws two or three; a plotting library takes longer over each than the sea
 the drawing are points (1/72 inch), y downwards.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
@@ -66,11 +66,13 @@ def padded(low: float, high: float, *, log: bool = False, share: float = 0.05) -
 
 class Chart:
     """Axes in a drawing of `width` x `height` points; shapes are added in the order in which they cover each
-    other.
+    other. local : a number as its language writes it
     """
 
-    def __init__(self, width: float, height: float, x: Scale, y: Scale) -> None:
-        self.x, self.y = x, y
+    def __init__(
+        self, width: float, height: float, x: Scale, y: Scale, local: Callable[[str], str] = str
+    ) -> None:
+        self.x, self.y, self._local = x, y, local
         self._size = width, height
         self._parts: list[str] = []
 
@@ -86,12 +88,12 @@ class Chart:
             if vertical:
                 self.line(at, y.start, at, y.end, "#e6e6e6", 0.6)
             self.line(at, y.start, at, y.start + 3, "#000", 0.8)
-            self.text(at, y.start + 3 + TICK_PT, tick_label(value), TICK_PT, anchor="middle")
+            self.text(at, y.start + 3 + TICK_PT, tick_label(value, self._local), TICK_PT, anchor="middle")
         for value in y.ticks():
             at = float(y(value))
             self.line(x.start, at, x.end, at, "#e6e6e6", 0.6)
             self.line(x.start - 3, at, x.start, at, "#000", 0.8)
-            self.text(x.start - 6, at + 0.35 * TICK_PT, tick_label(value), TICK_PT, anchor="end")
+            self.text(x.start - 6, at + 0.35 * TICK_PT, tick_label(value, self._local), TICK_PT, anchor="end")
 
     def frame(self, title: str, x_label: str, y_label: Iterable[str]) -> None:
         """The border of the axes, the title and the labels; `y_label` : lines. All may hold SVG's tspan."""
@@ -153,9 +155,9 @@ class Chart:
         path.write_text("\n".join([head, *self._parts, "</svg>\n"]), encoding="utf-8")
 
 
-def tick_label(value: float) -> str:
+def tick_label(value: float, local: Callable[[str], str] = str) -> str:
     """A number in SVG, with a minus sign, and powers of ten instead of e+06."""
-    mantissa, _, power = f"{value:g}".replace("-", "\N{MINUS SIGN}").partition("e")
+    mantissa, _, power = local(f"{value:g}".replace("-", "\N{MINUS SIGN}")).partition("e")
     if not power:
         return mantissa
     digits = power.replace("+", "").replace("0", "", 1) if power[1] == "0" else power.replace("+", "")

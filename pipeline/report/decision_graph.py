@@ -10,6 +10,7 @@ from pipeline.core.mesh import FloatArray
 from pipeline.core.settings import SegmentationSettings
 from pipeline.report import palette
 from pipeline.report.chart import LEGEND_PT, Chart, Scale, css, lowered, padded
+from pipeline.report.words import ENGLISH, Words
 from pipeline.stages.segmentation import Segmentation
 
 # All values of the drawing are chosen by hand, not fitted; none affects a measurement.
@@ -28,16 +29,15 @@ LABEL_PT = 7.5
 LABEL_STEP_PT = 10.0
 CORE, HALO = "#808080", "#cccccc"
 _D_C, _RHO = lowered("d", "c"), '<tspan font-style="italic">\N{GREEK SMALL LETTER RHO}</tspan>'
-_RHO_LABEL = {
-    "vertex": f"local density {_RHO}: vertices within {_D_C}",
-    "area": f"local density {_RHO}: surface area within {_D_C} [mm²]",
-    "convexity": f"local density {_RHO}: area around, weighted by its height on a bump [mm²]",
+_DELTA = '<tspan font-style="italic">δ</tspan>'
+RHO_LABELS = {
+    "vertex": "local density {rho}: vertices within {d_c}",
+    "area": "local density {rho}: surface area within {d_c} [mm²]",
+    "convexity": "local density {rho}: area around, weighted by its height on a bump [mm²]",
 }
-_DELTA_LABEL = (
-    '<tspan font-style="italic">δ</tspan>: distance along the surface',
-    "to the nearest denser vertex [mm]",
-)
-_METHOD_LABEL = {
+DELTA_LABEL = ("{delta}: distance along the surface", "to the nearest denser vertex [mm]")
+CENTRE = "centre of a segment, with its number and colour"
+METHOD_LABELS = {
     "cfsfdp": "density peaks",
     "kmeans": "K-means",
     "fuzzy_cmeans": "fuzzy C-means",
@@ -47,17 +47,26 @@ _METHOD_LABEL = {
 }
 
 
-def write(path: Path, name: str, segmentation: Segmentation, settings: SegmentationSettings) -> None:
+def write(
+    path: Path,
+    name: str,
+    segmentation: Segmentation,
+    settings: SegmentationSettings,
+    words: Words = ENGLISH,
+) -> None:
     """Write the decision graph of the mesh `name` as SVG; the same input gives the same bytes."""
-    draw(name, segmentation, settings).write(path)
+    draw(name, segmentation, settings, words).write(path)
 
 
-def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) -> Chart:
+def draw(
+    name: str, segmentation: Segmentation, settings: SegmentationSettings, words: Words = ENGLISH
+) -> Chart:
     """The drawing; the disc of segment s has the id `centre-<s>`."""
     delta = _above_zero(segmentation.delta)
     chart = Chart(
         *(WIDTH, HEIGHT, _rho_scale(segmentation.rho)),
         Scale(*padded(float(delta.min()), float(delta.max()), log=True), HEIGHT - BOTTOM, TOP, log=True),
+        words.local,
     )
     chart.grid()
     rest = np.ones(len(delta), dtype=np.bool_)
@@ -69,12 +78,15 @@ def draw(name: str, segmentation: Segmentation, settings: SegmentationSettings) 
         chart.line(chart.x.start, at, chart.x.end, at, "#333", 1.0, dash="4 2")
     _draw_centres(chart, segmentation, delta)
     count = len(segmentation.centres)
+    title = "Decision graph of {mesh}: 1 segment by {method}"
+    if count != 1:
+        title = "Decision graph of {mesh}: {count} segments by {method}"
     chart.frame(
-        f"Decision graph of {name}: {count} segment{'s' * (count != 1)} by {_METHOD_LABEL[settings.method]}",
-        _RHO_LABEL.get(settings.density, f"local density {_RHO} ({settings.density})"),
-        _DELTA_LABEL,
+        words(title, mesh=words(name), count=count, method=words(METHOD_LABELS[settings.method])),
+        words(RHO_LABELS[settings.density], rho=_RHO, d_c=_D_C),
+        [words(line, delta=_DELTA) for line in DELTA_LABEL],
     )
-    _draw_legend(chart, segmentation, is_peak=settings.method == "cfsfdp")
+    _draw_legend(chart, segmentation, words, is_peak=settings.method == "cfsfdp")
     return chart
 
 
@@ -110,18 +122,19 @@ def _draw_centres(chart: Chart, segmentation: Segmentation, delta: FloatArray) -
         chart.text(x, y + 0.36 * LABEL_PT, str(segment), LABEL_PT, anchor="middle")
 
 
-def _draw_legend(chart: Chart, segmentation: Segmentation, *, is_peak: bool) -> None:
+def _draw_legend(chart: Chart, segmentation: Segmentation, words: Words, *, is_peak: bool) -> None:
     """Two columns below the axes."""
     first, second, top = LEFT + 6, LEFT + 0.45 * (WIDTH - LEFT), HEIGHT - 24
-    chart.text(first + 14, top, "vertex", LEGEND_PT)
+    chart.text(first + 14, top, words("vertex"), LEGEND_PT)
     chart.add(f'<circle cx="{first:.1f}" cy="{top - 3:.1f}" r="{DOT_PT / 2}" fill="{CORE}"/>')
-    chart.text(first + 14, top + 14, "vertex of the halo (border of a segment)", LEGEND_PT)
+    chart.text(first + 14, top + 14, words("vertex of the halo (border of a segment)"), LEGEND_PT)
     chart.add(f'<circle cx="{first:.1f}" cy="{top + 11:.1f}" r="{DOT_PT / 2}" fill="{HALO}"/>')
     chart.line(second - 7, top - 3, second + 7, top - 3, "#333", 1.0, dash="4 2")
-    chart.text(second + 14, top, f"cut-off distance {_D_C} = {segmentation.d_c_mm:.3g} mm", LEGEND_PT)
+    cut_off = words("cut-off distance {d_c} = {size} mm", d_c=_D_C, size=words.short(segmentation.d_c_mm))
+    chart.text(second + 14, top, cut_off, LEGEND_PT)
     chart.disc(second, top + 11, DISC_PT, css(palette.of_segment(0)))
-    words = f"{'density peak: ' if is_peak else ''}centre of a segment, with its number and colour"
-    chart.text(second + 14, top + 14, words, LEGEND_PT)
+    centre = "density peak: " if is_peak else ""
+    chart.text(second + 14, top + 14, words(f"{centre}{CENTRE}"), LEGEND_PT)
 
 
 def label_offsets(at_pt: FloatArray) -> FloatArray:

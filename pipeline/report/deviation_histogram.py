@@ -58,6 +58,7 @@ def draw(
     chart = Chart(
         *(WIDTH, HEIGHT, Scale(float(edges[0]), float(edges[-1]), LEFT, WIDTH - RIGHT)),
         Scale(0.0, ROOM * float(percent.max()), HEIGHT - BOTTOM, TOP),
+        words.local,
     )
     chart.grid(vertical=False)
     _draw_bars(chart, edges, percent, scale)

@@ -282,4 +282,30 @@ GERMAN: dict[str, str] = {
     "Cusp {version}, seed {seed}. results.json lists all settings and library versions.": (
         "Cusp {version}, Startwert {seed}. results.json nennt alle Einstellungen und Versionen."
     ),
+    # decision graphs
+    "Decision graph of {mesh}: 1 segment by {method}": "Entscheidungsgraph, {mesh}: 1 Segment durch {method}",
+    "Decision graph of {mesh}: {count} segments by {method}": (
+        "Entscheidungsgraph, {mesh}: {count} Segmente durch {method}"
+    ),
+    "density peaks": "Dichtegipfel",
+    "K-means": "K-Means",
+    "fuzzy C-means": "Fuzzy-C-Means",
+    "K-medians": "K-Medians",
+    "K-centers": "K-Centers",
+    "Gaussian mixture": "Gaußsche Mischung",
+    "local density {rho}: vertices within {d_c}": "örtliche Dichte {rho}: Punkte innerhalb von {d_c}",
+    "local density {rho}: surface area within {d_c} [mm²]": (
+        "örtliche Dichte {rho}: Fläche innerhalb von {d_c} [mm²]"
+    ),
+    "local density {rho}: area around, weighted by its height on a bump [mm²]": (
+        "örtliche Dichte {rho}: Fläche ringsum, nach der Höhe auf Höckern gewichtet [mm²]"
+    ),
+    "{delta}: distance along the surface": "{delta}: Abstand entlang der Fläche",
+    "to the nearest denser vertex [mm]": "zum nächsten dichteren Punkt [mm]",
+    "vertex of the halo (border of a segment)": "Punkt am Rand eines Segments (Halo)",
+    "cut-off distance {d_c} = {size} mm": "Grenzabstand {d_c} = {size} mm",
+    "density peak: centre of a segment, with its number and colour": (
+        "Dichtegipfel: Zentrum eines Segments, mit Nummer und Farbe"
+    ),
+    "centre of a segment, with its number and colour": "Zentrum eines Segments, mit Nummer und Farbe",
 }

@@ -163,16 +163,18 @@ def landmarks(
     )
 
 
-def study(result: StudyResult, out: Path, header: ReportHeader = NO_HEADER, words: Words = ENGLISH) -> str:
-    """The page of a study."""
+def study(
+    result: StudyResult, summary: str, out: Path, header: ReportHeader = NO_HEADER, words: Words = ENGLISH
+) -> str:
+    """The page of a study. summary : in the language of the page"""
     return _render(
-        words("Study: {kind}", kind=result.protocol.kind),
+        words("Study: {kind}", kind=words(result.protocol.kind)),
         _drawings(out, words("Result"), ("study.svg",), full=True),
         result.warnings,
         inputs={"mesh": result.provenance.inputs.mesh},
         made_by=result.provenance,
         subtitle=words("How useful the landmarks are for registration"),
-        paragraph=result.summary,
+        paragraph=summary,
         facts=identity(None, header, words),
         header=header,
         words=words,

@@ -9,9 +9,9 @@ from functools import cached_property
 from string import Formatter
 
 #: One figure with a format, and the places that hold a position or an axis.
-FIGURE, PLACE, PLACES = r"\N{MINUS SIGN}?[\d.]+(?: %)?", r"\([^()]*\)", frozenset({"place", "axis"})
+FIGURE, PLACE, PLACES = r"\N{MINUS SIGN}?[\d.]+(?: ?%)?", r"\([^()]*\)", frozenset({"place", "axis"})
 #: A value that is figures and nothing else: `12.3`, `(1.20, −3.00, 0.00)`, `95.7 %`, `0.300 mm`.
-FIGURES = re.compile(r"[+\N{MINUS SIGN}(]*\d[\d.,; +\N{MINUS SIGN}]*\)?( %| mm)?")
+FIGURES = re.compile(r"[+\N{MINUS SIGN}(]*\d[\d.,; +\N{MINUS SIGN}]*\)?( ?%| mm)?")
 
 
 class Translation:

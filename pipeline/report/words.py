@@ -12,10 +12,11 @@ from pipeline.report import numbers
 from pipeline.report.german import GERMAN
 from pipeline.report.german_findings import GERMAN_FINDINGS
 from pipeline.report.german_notes import GERMAN_NOTES
+from pipeline.report.german_studies import GERMAN_STUDIES
 from pipeline.report.translation import Translation
 
 Language = Literal["en", "de"]
-CATALOGUES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN | GERMAN_FINDINGS}
+CATALOGUES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN | GERMAN_FINDINGS | GERMAN_STUDIES}
 NOTES: dict[Language, dict[str, str]] = {"en": {}, "de": GERMAN_NOTES}
 DATES: dict[Language, str] = {"en": "%Y-%m-%d %H:%M UTC", "de": "%d.%m.%Y %H:%M UTC"}
 
@@ -55,6 +56,10 @@ class Words:
 
     def percent(self, share: float | None, digits: int = 1) -> str:
         return self.local(numbers.percent(share, digits))
+
+    def count(self, number: int) -> str:
+        """With a mark after each three digits: `10,000`."""
+        return f"{number:,}".replace(",", "." if self.language == "de" else ",")
 
     def short(self, value: float, digits: int = 3) -> str:
         """So many significant digits: `0.15`, `27.7`."""

@@ -21,6 +21,7 @@ from pipeline.core.results import (
 )
 from pipeline.core.settings import Detector, Settings
 from pipeline.core.timing import silent
+from pipeline.report.words import Words
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
 from pipeline.studies import informativeness as paper
@@ -37,13 +38,15 @@ OnShare = Callable[[float, str], None]
 
 @dataclass(frozen=True, slots=True)
 class StudyOutcome:
-    """Fields of `results.StudyResult`, and `write(folder)`, which writes trials.csv and study.svg."""
+    """Fields of `results.StudyResult`; `summarize(words)`, the summary in a language; and
+    `write(folder, words)`, which writes trials.csv and study.svg.
+    """
 
     protocol: InformativenessProtocol | RepeatabilityProtocol
     informativeness: list[InformativenessRow] | None
     repeatability: list[RepeatabilityRow] | None
-    summary: str
-    write: Callable[[Path], None]
+    summarize: Callable[[Words], str]
+    write: Callable[[Path, Words], None]
     warnings: tuple[Note, ...]
 
 
@@ -93,11 +96,14 @@ def _informativeness(mesh: Mesh, settings: Settings, seed: int, on_share: OnShar
     )
     protocol, rows = paper_summary.protocol(found), paper_summary.rows(found)
 
-    def write(folder: Path) -> None:
+    def write(folder: Path, words: Words) -> None:
         paper_summary.write_trials(folder / "trials.csv", found)
-        plots.write_informativeness(folder / "study.svg", found)
+        plots.write_informativeness(folder / "study.svg", found, words)
 
-    return StudyOutcome(protocol, rows, None, paper_summary.summarize(protocol, rows), write, tuple(warnings))
+    def summarize(words: Words) -> str:
+        return paper_summary.summarize(protocol, rows, words)
+
+    return StudyOutcome(protocol, rows, None, summarize, write, tuple(warnings))
 
 
 def _keypoints(mesh: Mesh, settings: Settings, seed: int) -> Mapping[Detector, FloatArray]:
@@ -123,8 +129,11 @@ def _repeatability(mesh: Mesh, settings: Settings, seed: int, on_share: OnShare)
     protocol, trials = repeat.repeatability(mesh, settings, seed, on_share)
     rows = repeat.rows(trials, mesh.diagonal_mm)
 
-    def write(folder: Path) -> None:
+    def write(folder: Path, words: Words) -> None:
         repeat.write_trials(folder / "trials.csv", trials)
-        plots.write_repeatability(folder / "study.svg", protocol, rows)
+        plots.write_repeatability(folder / "study.svg", protocol, rows, words)
 
-    return StudyOutcome(protocol, None, rows, repeat.summarize(protocol, rows), write, ())
+    def summarize(words: Words) -> str:
+        return repeat.summarize(protocol, rows, words)
+
+    return StudyOutcome(protocol, None, rows, summarize, write, ())

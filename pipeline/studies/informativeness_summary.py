@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.core.results import InformativenessProtocol, InformativenessRow
 from pipeline.core.settings import Detector
 from pipeline.kernels.copy_icp import DESCRIPTIONS, RULES
-from pipeline.report.numbers import percent
+from pipeline.report.words import ENGLISH, Words
 from pipeline.studies.informativeness import TIE, Informativeness
 from pipeline.studies.statistics import quantiles
 
@@ -79,48 +79,61 @@ def write_trials(path: Path, study: Informativeness) -> None:
             writer.writerows((first + number, *values) for number, values in enumerate(part))
 
 
-def summarize(used: InformativenessProtocol, results: Sequence[InformativenessRow]) -> str:
+def summarize(
+    used: InformativenessProtocol, results: Sequence[InformativenessRow], words: Words = ENGLISH
+) -> str:
     """The paragraph of the report: how often landmarks alone did better, compared with ties and random
     points.
     """
-    rotation = f" and rotated by up to {used.rotation_deg:g} degrees" if used.rotation_deg > 0 else ""
     counts = sorted({row.points for row in results})
-    points = " to ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1])))
-    opening = (
-        f"In {used.trials:,} trials a copy of the shape was moved by up to {used.noise_mm:.3g} mm "
-        "along each axis"
-        f"{rotation}, then registered by ICP of all {used.points:,} points and by ICP of {points} "
-        "landmarks alone; "
-        "K is the error of the former divided by that of the latter."
+    opening = words(
+        "In {trials} trials a copy of the shape was moved by up to {noise} mm along each axis{rotation}, "
+        "then registered by ICP of all {points} points and by ICP of {landmarks} landmarks alone; K is the "
+        "error of the former divided by that of the latter.",
+        trials=words.count(used.trials),
+        noise=words.short(used.noise_mm),
+        rotation=words(" and rotated by up to {angle} degrees", angle=words.local(f"{used.rotation_deg:g}"))
+        if used.rotation_deg > 0
+        else "",
+        points=words.count(used.points),
+        landmarks=f" {words('to')} ".join(str(count) for count in dict.fromkeys((counts[0], counts[-1]))),
     )
     library, converged = ([row for row in results if row.icp == rule] for rule in RULES)
     if [_shares(row) for row in library] == [_shares(row) for row in converged]:
-        sentences = _sentences("With either stopping rule of ICP", library, used.trials)
+        sentences = _sentences("With either stopping rule of ICP", library, used.trials, words)
     else:
-        sentences = _sentences("With the stopping rule of the library", library, used.trials)
-        sentences += _sentences("With ICP to convergence", converged, used.trials)
-    raw = f"Counted as in the paper, K > 1 for errors of any size, the share is {_listed(library, _raw)}"
+        sentences = _sentences("With the stopping rule of the library", library, used.trials, words)
+        sentences += _sentences("With ICP to convergence", converged, used.trials, words)
+    raw = words(
+        "Counted as in the paper, K > 1 for errors of any size, the share is {shares}",
+        shares=_listed(library, _raw, words),
+    )
     if any(row.share_tie > 0 for row in library):
-        raw += (
-            "; in ties this compares rounding errors, which grow with the number of summed points "
-            "for any choice "
-            "of points"
+        raw += words(
+            "; in ties this compares rounding errors, which grow with the number of summed points for any "
+            "choice of points"
         )
     return " ".join([opening, *sentences, f"{raw}."])
 
 
-def _sentences(start: str, group: Sequence[InformativenessRow], trials: int) -> list[str]:
+def _sentences(start: str, group: Sequence[InformativenessRow], trials: int, words: Words) -> list[str]:
     """Sentences about one stopping rule."""
     if all(row.share_tie == 1 for row in group):
         return [
-            f"{start}, every trial of every detector was a tie (both errors are rounding errors): the "
-            "study cannot "
-            "distinguish the detectors, nor landmarks from the complete shape."
+            words(
+                "{start}, every trial of every detector was a tie (both errors are rounding errors): the "
+                "study cannot distinguish the detectors, nor landmarks from the complete shape.",
+                start=words(start),
+            )
         ]
     sentences = [
-        f"{start}, landmarks alone did better in this share of the trials: {_listed(group, _above)}; "
-        "tied (both errors "
-        f"are rounding errors) in {_listed(group, _tie)}; and did worse in the rest."
+        words(
+            "{start}, landmarks alone did better in this share of the trials: {better}; tied (both errors "
+            "are rounding errors) in {tied}; and did worse in the rest.",
+            start=words(start),
+            better=_listed(group, _above, words),
+            tied=_listed(group, _tie, words),
+        )
     ]
     random = next((row for row in group if row.detector == "random"), None)
     others = [row for row in group if row.detector != "random"]
@@ -128,11 +141,14 @@ def _sentences(start: str, group: Sequence[InformativenessRow], trials: int) -> 
         apart = {row.detector: _errors_apart(_no_worse(row), _no_worse(random), trials) for row in others}
         limit = SIGNIFICANT_ERRORS
         sentences.append(
-            "Better or tied more often than random points: "
-            f"{_names(detector for detector, errors in apart.items() if errors > limit)}; less often: "
-            f"{_names(detector for detector, errors in apart.items() if errors < -limit)}; within {limit:g} "
-            f"standard errors: "
-            f"{_names(detector for detector, errors in apart.items() if abs(errors) <= limit)}."
+            words(
+                "Better or tied more often than random points: {more}; less often: {less}; within {limit} "
+                "standard errors: {alike}.",
+                more=_names((each for each, errors in apart.items() if errors > limit), words),
+                less=_names((each for each, errors in apart.items() if errors < -limit), words),
+                limit=f"{limit:g}",
+                alike=_names((each for each, errors in apart.items() if abs(errors) <= limit), words),
+            )
         )
     return sentences
 
@@ -165,15 +181,17 @@ def _shares(row: InformativenessRow) -> tuple[float, float, float]:
     return row.share_above, row.share_tie, row.share_raw_above
 
 
-def _listed(group: Sequence[InformativenessRow], share: Callable[[InformativenessRow], float]) -> str:
+def _listed(
+    group: Sequence[InformativenessRow], share: Callable[[InformativenessRow], float], words: Words
+) -> str:
     """`98.52 % (t2), 97.10 % (random)`, or one figure if all are equal."""
     values = [share(row) for row in group]
     if len(group) > 1 and len(set(values)) == 1:
-        return f"{percent(values[0], 2)} with every detector"
+        return words("{share} with every detector", share=words.percent(values[0], 2))
     return ", ".join(
-        f"{percent(value, 2)} ({row.detector})" for value, row in zip(values, group, strict=True)
+        f"{words.percent(value, 2)} ({row.detector})" for value, row in zip(values, group, strict=True)
     )
 
 
-def _names(detectors: Iterable[Detector]) -> str:
-    return ", ".join(detectors) or "none"
+def _names(detectors: Iterable[Detector], words: Words) -> str:
+    return ", ".join(detectors) or words("none")

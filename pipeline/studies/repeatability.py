@@ -29,7 +29,7 @@ from pipeline.core.settings import Detector, Settings
 from pipeline.core.timing import silent
 from pipeline.kernels import rigid
 from pipeline.kernels.fpfh import fpfh
-from pipeline.report.numbers import percent
+from pipeline.report.words import ENGLISH, Words
 from pipeline.search.types import DescribedMesh, Descriptors
 from pipeline.stages.features import features
 from pipeline.stages.landmarks import landmarks
@@ -154,24 +154,43 @@ def write_trials(path: Path, trials: Sequence[Trial]) -> None:
             writer.writerow(["" if value is None else value for value in values])
 
 
-def summarize(protocol: RepeatabilityProtocol, results: Sequence[RepeatabilityRow]) -> str:
+def summarize(
+    protocol: RepeatabilityProtocol, results: Sequence[RepeatabilityRow], words: Words = ENGLISH
+) -> str:
     """The paragraph of the report: repeatability by detector, the chance level, and the poses."""
     first = [row for row in results if row.condition == protocol.conditions[0]]
     best = max(first, key=lambda row: row.mean)
     worst = min(first, key=lambda row: row.mean)
-    listed = ", ".join(f"{row.detector} {row.mean:.2f}" for row in sorted(first, key=lambda row: -row.mean))
-    chance = float(np.mean([row.chance for row in first]))
     others = [row for row in results if row.detector == best.detector and row.condition != best.condition]
-    harder = "; ".join(f"{row.mean:.2f} with {row.condition}" for row in others)
-    return (
-        f"Repeatability of {protocol.count} points of each detector within {percent(protocol.eps)} of "
-        f"the diagonal ({protocol.eps_mm:.3g} mm), on a mesh with other triangles and {best.condition}: "
-        f"{listed}; the same number of random points reaches {chance:.2f} by chance. Highest: {best.detector}"
-        + (f" ({harder})" if harder else "")
-        + f"; lowest: {worst.detector}. The landmarks gave a pose within {percent(RIGHT_SHARE, 0)} of the "
-        + "diagonal for "
-        + ", ".join(f"{row.detector} in {percent(row.pose_right, 0)}" for row in first)
-        + f" of {protocol.trials} trials."
+    harder = [
+        words(
+            "{mean} with {condition}", mean=words.fixed(row.mean, 2), condition=words.sentence(row.condition)
+        )
+        for row in others
+    ]
+    poses = [
+        words("{detector} in {share}", detector=row.detector, share=words.percent(row.pose_right, 0))
+        for row in first
+    ]
+    return words(
+        "Repeatability of {count} points of each detector within {eps} of the diagonal ({eps_mm} mm), on a "
+        "mesh with other triangles and {condition}: {listed}; the same number of random points reaches "
+        "{chance} by chance. Highest: {best}{harder}; lowest: {worst}. The landmarks gave a pose within "
+        "{right} of the diagonal for {poses} of {trials} trials.",
+        count=protocol.count,
+        eps=words.percent(protocol.eps),
+        eps_mm=words.short(protocol.eps_mm),
+        condition=words.sentence(best.condition),
+        listed=", ".join(
+            f"{row.detector} {words.fixed(row.mean, 2)}" for row in sorted(first, key=lambda row: -row.mean)
+        ),
+        chance=words.fixed(float(np.mean([row.chance for row in first])), 2),
+        best=best.detector,
+        harder=f" ({'; '.join(harder)})" if harder else "",
+        worst=worst.detector,
+        right=words.percent(RIGHT_SHARE, 0),
+        poses=", ".join(poses),
+        trials=protocol.trials,
     )
 
 

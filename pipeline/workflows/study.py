@@ -11,6 +11,7 @@ from pipeline.core.results import StudyResult
 from pipeline.core.settings import Settings
 from pipeline.core.timing import StageTimer
 from pipeline.report.artifacts import Artifacts, write_study_page
+from pipeline.report.words import ENGLISH, Words
 from pipeline.studies.detector_study import study
 from pipeline.workflows.provenance import one_provenance
 from pipeline.workflows.publish import publish
@@ -36,7 +37,7 @@ def run_study(
         protocol=outcome.protocol,
         informativeness=outcome.informativeness,
         repeatability=outcome.repeatability,
-        summary=outcome.summary,
+        summary=outcome.summarize(ENGLISH),
         provenance=one_provenance(source.record(), settings, seed),
         timings_s={},
         files=[],
@@ -44,9 +45,11 @@ def run_study(
     )
 
     def write(folder: Path, built: StudyResult) -> Artifacts:
-        outcome.write(folder)
+        words = Words(settings.report.language)
+        outcome.write(folder, words)
+        named = (header or ReportHeader()).of_files(mesh=file.filename)
         return Artifacts(("trials.csv", "study.svg")) + write_study_page(
-            folder, built, settings, (header or ReportHeader()).of_files(mesh=file.filename)
+            folder, built, outcome.summarize(words), settings, named
         )
 
     return publish(result, out, settings, timer, write)

@@ -153,6 +153,10 @@ class AsyncClient:
         """Elapsed time, place in the queue and an estimate of the time left."""
         return await self._do(calls.forecast(job_id))
 
+    async def options(self, job_id: str) -> dict[str, Any]:
+        """What was asked of a job; another job can ask the same."""
+        return await self._do(calls.options(job_id))
+
     async def results(self, job_id: str) -> dict[str, Any]:
         """results.json. Raises ServiceProblem if the job failed."""
         return await self._do(calls.results(job_id))

@@ -169,6 +169,10 @@ def forecast(job_id: str) -> Call[JobForecast]:
     return Call("GET", f"/v1/jobs/{job_id}/forecast", _forecast)
 
 
+def options(job_id: str) -> Call[dict[str, Any]]:
+    return Call("GET", f"/v1/jobs/{job_id}/options", _document)
+
+
 def put_characteristics(
     design: str, document: Mapping[str, Any], if_match: str | None, *, only_new: bool = False
 ) -> Call[str]:

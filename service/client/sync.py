@@ -211,6 +211,10 @@ class Client:
         """Elapsed time, place in the queue and an estimate of the time left."""
         return self._do(calls.forecast(job_id))
 
+    def options(self, job_id: str) -> dict[str, Any]:
+        """What was asked of a job; another job can ask the same."""
+        return self._do(calls.options(job_id))
+
     def wait_batch(
         self,
         batch_id: str,

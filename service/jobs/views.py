@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from service.contract.schemas import FileEntry, FileList, Job, JobForecast, JobInputs, Links, Problem
+from service.contract.schemas import FileEntry, FileList, Job, JobForecast, JobInputs, Links, Options, Problem
 from service.jobs.forecast import Forecast
 from service.jobs.models import JobRow
 
@@ -44,8 +44,20 @@ def _input_of(source: dict[str, Any] | None) -> dict[str, Any] | None:
     return {
         "blob": source.get("blob"),
         "filename": source.get("filename"),
-        "url": url and url.partition("?")[0].partition("#")[0],
+        "url": url and _without_query(url),
     }
+
+
+def _without_query(url: str) -> str:
+    return url.partition("?")[0].partition("#")[0]
+
+
+def options_of(row: JobRow) -> Options:
+    """What was asked of a job. The address of a webhook has no query: it may hold a secret."""
+    asked = dict(row.options)
+    if asked.get("webhook"):
+        asked["webhook"] = {"url": _without_query(asked["webhook"]["url"])}
+    return Options.model_validate(asked)
 
 
 def forecast_of(found: Forecast) -> JobForecast:

@@ -221,21 +221,14 @@ async function runAgain(event) {
     delta_min_mm: by === 'box' ? Number($('delta-min').value) : null,
     n_centres: by === 'number' ? Number($('n-centres').value) : null,
   };
-  const options = { settings: { ...settings, segmentation }, seed };
   const units = Object.entries(inputs).map(([mesh, { unit }]) => [mesh, unit]).filter(([, unit]) => UNITS.includes(unit));
-  options.units = Object.fromEntries(units);
-  if (job.label) options.label = job.label;
-  if (inputs.design?.part) options.design_part = inputs.design.part;
-  if (inputs.scan?.columns) options.columns = inputs.scan.columns;
-  const tolerance = results.deviation?.tolerance_mm;
-  if (tolerance) options.tolerance_mm = tolerance;
-  const accuracy = results.scan?.accuracy_mm;
-  if (accuracy) options.scan_accuracy_mm = accuracy;
-  if (results.reference) options.reference = results.reference;
   const given = Object.fromEntries(Object.entries(job.inputs).filter(([, each]) => each));
   $('rerun-refused').hidden = true;
   $('again').disabled = true;
   try {
+    const { webhook, ...asked } = await api.json(`/v1/jobs/${job.id}/options`);
+    const stated = Object.fromEntries(Object.entries(asked).filter(([, value]) => value !== null));
+    const options = { ...stated, settings: { ...settings, segmentation }, seed, units: Object.fromEntries(units) };
     location.hash = (await api.start({ type: job.type, ...given, options })).id;
   } catch (error) {
     say('rerun-refused', error);

@@ -20,9 +20,11 @@ $('limits').addEventListener('toggle', () => { if (now) draw(); });
 $('limits-copy').addEventListener('click', copy);
 for (const id of PLACES) $(id).addEventListener('input', () => { if (now) Object.assign(now, { normal: null }); });
 
-export function open(viewer, job) {
+/** isMeasured : the job has deviations */
+export function open(viewer, job, isMeasured) {
   now = { viewer, blob: job.inputs.design.blob, items: [], normal: null, isSecond: false };
   $('limits').hidden = false;
+  $('limits-unjudged').hidden = isMeasured;
   $('limit-reach').value = below(REACH * viewer.diagonal());
   $('limits-use').href = `#again-${job.id}`;
   for (const id of ['limit-name', 'limit-lower', 'limit-upper', ...PLACES]) $(id).value = '';
@@ -125,7 +127,7 @@ function dress() {
 
 function tell() {
   const isAny = now.items.length > 0;
-  const text = isAny ? JSON.stringify(asAcceptance(), null, 2).replace(/\[\s+(-?[\d.][^\]]*?)\s+\]/g, (_, inner) => `[${inner.replace(/\s+/g, ' ')}]`) : ''; // a vector on a line
+  const text = isAny ? acceptance.written(asAcceptance()) : '';
   for (const id of ['limits-made', 'limit-table']) $(id).hidden = !isAny;
   $('limits-json').value = text;
   $('limits-copied').textContent = '';

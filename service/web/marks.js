@@ -1,6 +1,7 @@
 /** What is drawn beside the surfaces of the viewer: landmarks, their matches, a ring, previews, outlines of sections and of limits. */
 
 import * as THREE from './vendor/three/three.module.js';
+import { LAYERS } from './drawing.js';
 import { IDENTITY, moved } from './poses.js';
 import { discTexture, ringTexture } from './textures.js';
 
@@ -31,6 +32,7 @@ export class Marks {
     for (const each of [this.dots, ...Object.values(this.outlines)]) each.frustumCulled = false;
     for (const each of Object.values(this.outlines)) each.renderOrder = 1; // after the surfaces, which would cover them
     for (const each of [this.ring, this.dots, ...Object.values(this.outlines)]) each.visible = false;
+    for (const each of [this.ring, this.dots]) each.layers.set(LAYERS.front);
     scene.add(this.marks, this.scanMarks, this.lines, this.ring, this.dots, ...Object.values(this.outlines));
   }
 
@@ -54,6 +56,7 @@ export class Marks {
   matches(pairs) {
     this.pairs = pairs;
     this.lines.add(new THREE.LineSegments(new THREE.BufferGeometry(), inFront({ color: ACCENT })), new THREE.Points(new THREE.BufferGeometry(), dotted(6))); // in a good pose a line is shorter than a pixel
+    this.lines.children[1].layers.set(LAYERS.front);
     this.pose(IDENTITY);
   }
 

@@ -65,13 +65,13 @@ export async function openRegistration(job, results, sizes, signal) {
   viewer.onReset = () => viewer?.view.frame('+z');
   viewer.onReset();
   pose(now.poses.has('final') ? 'final' : 'before');
+  limits.open(viewer, job, isMeasured);
   if (!isMeasured) return;
   if (!viewer.isCloud) viewer.shadeBacks();
   legend.open(viewer, results);
   now.pins = pins(viewer, results);
   begin3d(worst(viewer));
   segments.open(viewer, job, results, 'design');
-  limits.open(viewer, job);
 }
 
 /** The first view shows the largest deviation. */

@@ -32,19 +32,14 @@ export function offer(job, notes) {
   $('offer-link').href = `#again-${job.id}`;
 }
 
-/** In the form, after a job: what was said for it, and why it should be said (anew). results : null of a job without */
-export function show(job, results) {
+/** In the form, after a job: what was said for it, and why it should be said (anew). asked : its options; results : null of a job without */
+export function show(job, asked, results) {
   if (job.type !== 'registration') return;
-  let notes = job.error ? [job.error] : [];
-  if (results) {
-    const { warnings, provenance } = results;
-    notes = warnings;
-    $('design-part').value = provenance.inputs.design.part ?? '';
-    $('columns').value = provenance.inputs.scan.columns ?? '';
-  }
+  const notes = results?.warnings ?? (job.error ? [job.error] : []);
+  for (const { field, key } of ASKS) $(field).value = asked[key] ?? '';
   $('reading').open = Object.keys(options()).length > 0;
-  const asked = explain(notes);
-  if (asked && job.error) $(asked.field).focus();
+  const open = explain(notes);
+  if (open && job.error) $(open.field).focus();
 }
 
 /** A request that was refused for what was said here. */

@@ -19,7 +19,7 @@ export async function show(job, results, sizes, signal) {
   $('how').hidden = false;
   $('how').open = false;
   $('viewer').hidden = !sizes.has('design.glb');
-  $('measure').hidden = $('viewer').hidden || !results.transform;
+  $('measure').hidden = $('viewer').hidden;
   const shown = sizes.has('design.glb') ? part.openRegistration(job, results, sizes, signal) : null;
   const opened = centres.open(job, results, shown && part.panel, sizes, signal);
   await Promise.all([shown, opened]);
@@ -34,7 +34,8 @@ function decide(inspection) {
   $('decision').className = DECISION_MOOD[decision];
   $('decided').textContent = `part: ${DECISION[decision]}`;
   const passed = checks.filter((each) => each.passed === true).length;
-  $('counts').textContent = checks.length ? `${passed} of ${checks.length} checks passed` : '';
+  const none = rule && inspection.patch_mm === null ? 'No limit was judged: without a valid alignment nothing is measured. A new job on these meshes has the same limits.' : '';
+  $('counts').textContent = checks.length ? `${passed} of ${checks.length} checks passed` : none;
   $('reasons').replaceChildren(...reasons.map((each) => element('li', each)));
   $('checks').open = decision === 'fail';
   $('rule').textContent = rule ? `Decision rule: ${rule}.` : '';

@@ -49,29 +49,29 @@ export async function show(job = null) {
     tell(slots[name]);
   }
   dress();
-  const results = job.status === 'successful' ? await api.json(`/v1/jobs/${job.id}/results`) : null;
-  if (results) remember(results);
-  reading.show(job, results);
-  acceptance.show(job);
+  const [asked, results] = await Promise.all([
+    api.json(`/v1/jobs/${job.id}/options`),
+    job.status === 'successful' ? api.json(`/v1/jobs/${job.id}/results`) : null,
+  ]);
+  remember(job.type, asked, results);
+  reading.show(job, asked, results);
+  acceptance.show(job, asked.acceptance, $('form').elements);
 }
 
-/** What was asked of the job, as far as its results say. */
-function remember({ type, deviation, scan, inspection, provenance }) {
+/** What was asked of a job; units as its files were read, where they were. */
+function remember(type, asked, results) {
   const { elements } = $('form');
-  for (const [name, { unit }] of Object.entries(provenance.inputs)) if ([...slots[name].unit.options].some(({ value }) => value === unit)) slots[name].unit.value = unit;
-  if (type === 'study') study.remember(provenance.settings.study);
-  if (type !== 'registration') return;
-  const within = inspection?.checks.find(({ kind, region }) => kind === 'within' && region === null)?.lower;
-  elements.tolerance_mm.value = deviation?.tolerance_mm ?? '';
-  elements.scan_accuracy_mm.value = scan?.accuracy_mm ?? '';
-  elements.min_within.value = within ? percents(within) : '';
-  for (const [name, kind] of Object.entries({ min_coverage: 'coverage', min_confidence: 'confidence' })) {
-    const least = inspection?.checks.find((each) => each.kind === kind)?.lower;
-    elements[name].value = least ? percents(least) : '';
+  for (const [name, { unit }] of Object.entries(slots)) {
+    const read = results?.provenance.inputs[name]?.unit ?? asked.units[name];
+    if ([...unit.options].some(({ value }) => value === read)) unit.value = read;
   }
+  elements.preset.value = asked.preset;
+  if (type === 'study' && results) study.remember(results.provenance.settings.study);
+  if (type !== 'registration') return;
+  elements.tolerance_mm.value = asked.tolerance_mm ?? '';
+  elements.scan_accuracy_mm.value = asked.scan_accuracy_mm ?? results?.scan?.accuracy_mm ?? '';
 }
 
-const percents = (share) => Number((100 * share).toPrecision(6));
 const isFiles = (event) => event.dataTransfer?.types.includes('Files') ?? false;
 
 /** name : of the slot, none beside them: then the one file goes to the one slot that is empty */

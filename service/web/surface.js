@@ -4,6 +4,7 @@
 import * as THREE from './vendor/three/three.module.js';
 import { MeshBVH } from './vendor/three_mesh_bvh/index.module.js';
 import { NOT_COUNTED, isCounted, of } from './colours.js';
+import { LAYERS } from './drawing.js';
 import { nearestVertex } from './geometry.js';
 
 const STEPS = 1024; // colours of a table
@@ -21,7 +22,7 @@ export function read(file, kind) {
 
 export class Surface {
   /** what : `design` or `scan`; made : of `read` */
-  constructor(what, { isCloud, positions, normals, colours, index, values, areas, extremes, roots }) {
+  constructor(what, { isCloud, positions, normals, colours, index, values, areas, extremes, roots, levels }) {
     Object.assign(this, { what, isCloud, positions, normals, colours, index, values, areas, extremes });
     this.hidden = null; // 1 for each vertex that is not shown
     const geometry = new THREE.BufferGeometry();
@@ -32,8 +33,28 @@ export class Surface {
     this.bvh = roots ? MeshBVH.deserialize({ version: 1, roots, index, indirectBuffer: null }, geometry, { setIndex: false }) : null;
     this.object = isCloud ? points(geometry) : mesh(geometry);
     this.object.userData.what = what;
+    this.object.layers.set(LAYERS[what]);
     geometry.computeBoundingBox();
+    geometry.computeBoundingSphere();
     this.box = geometry.boundingBox;
+    this.levels = [geometry, ...levels.map((each) => coarser(geometry, each))];
+  }
+
+  /** Triangles or points of a level, 0 the whole. */
+  size(level) {
+    const { index, attributes } = this.at(level);
+    return this.isCloud ? (index ?? attributes.position).count : index.count / 3;
+  }
+
+  /** What is drawn in the next frame: a level, or `count` triangles or points of it. */
+  draw(level, from = 0, count = Infinity) {
+    const each = this.isCloud ? 1 : 3;
+    this.object.geometry = this.at(level);
+    this.object.geometry.setDrawRange(each * from, each * count);
+  }
+
+  at(level) {
+    return this.levels[Math.min(level, this.levels.length - 1)];
   }
 
   get count() {
@@ -177,6 +198,15 @@ export class Surface {
     }
     return found;
   }
+}
+
+/** A level of a geometry: other triangles or points of the same vertices. */
+function coarser(whole, index) {
+  const level = new THREE.BufferGeometry();
+  for (const [name, attribute] of Object.entries(whole.attributes)) level.setAttribute(name, attribute);
+  level.setIndex(new THREE.BufferAttribute(index, 1));
+  level.boundingSphere = whole.boundingSphere;
+  return level;
 }
 
 const HIDE = 'if (vColor.a < 0.5) discard; diffuseColor.rgb *= vColor.rgb;'; // the fourth part says whether it is shown, not how opaque it is

@@ -1,11 +1,12 @@
-/** Reads a file of the viewer and prepares its surface, beside the page so that it never stalls: millimetres, normals, areas, extremes, and a
- *  tree of its triangles. */
+/** Reads a file of the viewer and prepares its surface, beside the page so that it never stalls: millimetres, normals, areas, extremes, coarser
+ *  levels, and a tree of its triangles. */
 
 import { BufferAttribute, BufferGeometry } from './vendor/three/three.module.js';
 import { GLTFLoader } from './vendor/three/GLTFLoader.js';
 import { CENTER, MeshBVH } from './vendor/three_mesh_bvh/index.module.js';
 import { isCounted } from './colours.js';
 import { areas, inMillimetres, surface } from './geometry.js';
+import { ofCloud, ofMesh } from './levels.js';
 import * as ply from './ply.js';
 
 const GREY = 170; // of a mesh without colours
@@ -13,7 +14,7 @@ const GREY = 170; // of a mesh without colours
 onmessage = async ({ data: { file, kind } }) => {
   try {
     const made = prepared(kind === 'glb' ? await fromGlb(file) : fromPly(file));
-    const arrays = [made.positions, made.normals, made.colours, made.values, made.areas, made.index].filter(Boolean);
+    const arrays = [made.positions, made.normals, made.colours, made.values, made.areas, made.index, ...made.levels].filter(Boolean);
     postMessage({ made }, [...new Set([...arrays.map(({ buffer }) => buffer), ...(made.roots ?? [])])]);
   } catch (error) {
     postMessage({ error: error.message });
@@ -60,6 +61,7 @@ function prepared({ isCloud, positions, colours, values, index }) {
     Object.assign(made, { roots, index: sorted });
   }
   made.areas = areas(geometry);
+  made.levels = isCloud ? ofCloud(count) : ofMesh(positions, made.normals, made.index);
   made.extremes = values ? extremes(values) : [];
   return made;
 }

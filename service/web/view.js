@@ -16,6 +16,7 @@ export class View {
     Object.assign(this, { canvas, box, onChange });
     this.parallel = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.1, 10000);
     this.perspective = new THREE.PerspectiveCamera(FOV_DEG, 1, 0.1, 10000);
+    for (const camera of [this.parallel, this.perspective]) camera.layers.enableAll();
     this.camera = this.parallel;
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener('change', onChange);

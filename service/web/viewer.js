@@ -1,6 +1,7 @@
 /** The part in three dimensions: design, scan or one mesh, with what is drawn beside them. Millimetres, in the frame of the design. */
 
 import * as THREE from './vendor/three/three.module.js';
+import { Drawing } from './drawing.js';
 import { Marks } from './marks.js';
 import { Picker } from './picking.js';
 import { IDENTITY } from './poses.js';
@@ -30,7 +31,9 @@ export class Viewer {
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // as above
     this.scene = new THREE.Scene();
     this.light = new THREE.DirectionalLight(0xffffff, 2.2);
-    this.scene.add(new THREE.AmbientLight(0xffffff, 1.1), this.light, this.light.target);
+    const around = new THREE.AmbientLight(0xffffff, 1.1);
+    for (const each of [around, this.light]) each.layers.enableAll();
+    this.scene.add(around, this.light, this.light.target);
     this.groups = { design: new THREE.Group(), scan: new THREE.Group() };
     this.groups.scan.matrixAutoUpdate = false;
     this.scene.add(this.groups.scan, this.groups.design);
@@ -41,6 +44,12 @@ export class Viewer {
     this.isDimmed = false; // the design is seen behind or in front of the scan
     this.lift = 0;
     this.cutAway = null; // {axis, offset}: what lies beyond is not shown
+    this.drawing = new Drawing(this.renderer, this.scene, {
+      surfaces: () => ['scan', 'design'].filter((what) => this[what] && this.groups[what].visible).map((what) => this[what]),
+      camera: () => this.view.camera,
+      prepare: () => this.prepare(),
+      onDrawn: () => this.onDrawn?.(),
+    });
     this.picker = new Picker();
     this.marks = new Marks(this.scene, () => this.diagonal());
     this.view = new View(canvas, () => this.box(), () => this.draw());
@@ -245,34 +254,33 @@ export class Viewer {
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.renderer.setSize(width, height, false);
+    this.drawing.resize(width, height, Math.min(devicePixelRatio, 2));
     this.view.resize(width / height);
     this.draw();
   }
 
   /** Draw in the next frame, once for all calls until then. */
   draw() {
-    this.due ??= requestAnimationFrame(() => {
-      this.due = undefined;
-      if (!this.view.height) return; // nothing is loaded yet
-      const colour = getComputedStyle(this.canvas).backgroundColor;
-      const { target } = this.view.controls;
-      this.light.position.fromArray(this.view.eye()).add(target);
-      this.light.target.position.copy(target);
-      this.placeDesign(this.lift);
-      this.marks.scale(this.view);
-      this.renderer.setClearColor(new THREE.Color().setStyle(colour, THREE.LinearSRGBColorSpace), 1);
-      this.renderer.render(this.scene, this.view.camera);
-      this.onDrawn?.();
-    });
+    if (this.view.height) this.drawing.ask(); // else nothing is loaded yet
+  }
+
+  /** What depends on the view, before a frame. */
+  prepare() {
+    const colour = getComputedStyle(this.canvas).backgroundColor;
+    const { target } = this.view.controls;
+    this.light.position.fromArray(this.view.eye()).add(target);
+    this.light.target.position.copy(target);
+    this.placeDesign(this.lift);
+    this.marks.scale(this.view);
+    this.renderer.setClearColor(new THREE.Color().setStyle(colour, THREE.LinearSRGBColorSpace), 1);
   }
 
   close() {
     this.cancelPicking();
-    cancelAnimationFrame(this.due);
+    this.drawing.close();
     this.size.disconnect();
     this.view.close();
+    for (const surface of [this.design, this.scan]) for (const each of surface?.levels ?? []) each.dispose();
     this.scene.traverse((each) => each.geometry?.dispose());
     this.renderer.dispose();
     this.renderer.forceContextLoss();

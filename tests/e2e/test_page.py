@@ -19,6 +19,7 @@ from tests.support.browser import (
     finished,
     hover_over,
     pixels,
+    quickly,
     results,
 )
 from tests.support.running import RunningService
@@ -35,6 +36,7 @@ def test_two_files_become_a_coloured_part(watched: Watched, design: Path, scan: 
     page.fill("input[name=min_within]", "10")
     page.fill("input[name=serial]", "A-17")
     page.fill("input[name=label]", "seen in a browser")
+    quickly(page)
     page.click("#go")
     expect(page.locator("#stages li")).to_have_count(12)  # it tells how far it is
     job_id = finished(page)

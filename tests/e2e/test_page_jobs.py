@@ -1,6 +1,4 @@
-"""Jobs made on the page: from meshes sent before, of one mesh, cancelled, refused, failed; and who may see
-them.
-"""
+"""Jobs made on the page: from meshes sent before, of one mesh, cancelled, refused, failed."""
 
 import json
 import re
@@ -10,13 +8,10 @@ import httpx
 import numpy as np
 import pytest
 import trimesh
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import expect
 
-from service.auth.keys import KeyStore, Scope
 from service.contract.schemas import Job
-from service.settings import ServiceSettings
-from service.storage.database import open_database
-from tests.support.browser import JOB_MS, Watched, changed, coloured, finished, hover_over, pixels, results
+from tests.support.browser import JOB_MS, Watched, changed, finished, hover_over, pixels, quickly, results
 from tests.support.running import LONG, QUICK, RunningService
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
@@ -54,6 +49,7 @@ def test_one_mesh_becomes_segments_and_landmarks(
     page.check("input[value=landmarks]")
     expect(page.locator(".slot[data-mesh=design]")).to_be_hidden()
     page.set_input_files("input[name=mesh]", design)
+    quickly(page)
     page.click("#go")
     found = results(running, finished(page))
     assert found["type"] == "landmarks"
@@ -326,35 +322,3 @@ def test_the_page_lets_nothing_else_in(running: RunningService) -> None:
         assert http.get("/web/../settings.py").status_code == 404
         assert http.get("/web/%2e%2e/settings.py").status_code == 404
         assert "<script>" not in http.get("/").text and "style=" not in http.get("/").text
-
-
-def test_a_key_opens_what_is_its_tenants(browser: Browser, tmp_path: Path, design: Path) -> None:
-    service = RunningService(tmp_path / "keyed", CUSP_JOBS="1")
-    try:
-        engine = open_database(ServiceSettings(data_dir=tmp_path / "keyed").database)
-        _, key = KeyStore(engine).create("acme", [Scope.READ, Scope.WRITE])
-        engine.dispose()
-        context = browser.new_context(viewport={"width": 1100, "height": 900})
-        watched = Watched(context, service.client.server)
-        page = watched.page
-        expect(page.locator("#refused")).to_contain_text("API key")
-        expect(page.locator("#key")).to_be_focused()
-        page.keyboard.type(key)
-        page.keyboard.press("Enter")
-        expect(page.locator("#refused")).to_be_hidden()
-        given = {"type": "landmarks", "options": json.dumps(QUICK)}
-        files, asked = {"mesh": ("design.stl", design.read_bytes())}, {"Authorization": f"Bearer {key}"}
-        job = httpx.post(f"{service.client.server}/v1/jobs", data=given, files=files, headers=asked).json()
-        page.goto(f"{service.client.server}/#{job['id']}")
-        finished(page)
-        assert coloured(pixels(page)) > 0.01
-        with page.expect_download() as kept:
-            page.click("#files a:text('results.json')")
-        assert json.loads(kept.value.path().read_text())["type"] == "landmarks"
-        page.goto("about:blank")
-        page.goto(f"{service.client.server}/#")
-        expect(page.locator("#job-rows")).to_contain_text("design.stl")  # kept in the tab
-        context.close()
-        assert all("401" in words for words in watched.complaints)
-    finally:
-        service.stop()

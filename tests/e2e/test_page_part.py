@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from pipeline.core.mesh import Mesh
 from pipeline.report.glb import DisplayMesh, write_glb
@@ -187,29 +187,64 @@ def test_a_section_and_a_distance(watched: Watched, registered: Job) -> None:
     expect(page.locator("#overlay .ruler")).to_have_count(0)
 
 
-def test_a_new_job_remembers_what_was_asked(
-    watched: Watched, registered: Job, running: RunningService
-) -> None:
-    def judged(document: dict[str, Any]) -> None:
-        check = {"name": "within", "kind": "within", "region": None, "value": 0.9, "lower": 0.25}
-        check |= {
-            "upper": None,
-            "unit": "1",
-            "uncertainty": None,
-            "n": 9,
-            "passed": True,
-            "position_mm": None,
-        }
-        document["inspection"]["checks"] = [check]
+LIMITS: dict[str, Any] = {
+    "min_within": 0.25,
+    "upper_mm": 0.3,
+    "uncertainty_mm": 0.01,
+    "points": [{"name": "seat", "position_mm": [1, 2, 3], "radius_mm": 2, "upper_mm": 0.1}],
+    "regions": [{"name": "rim", "region": {"kind": "segments", "segments": [1]}, "max_deviation_mm": 0.2}],
+}
 
-    page = watched.open(registered)
-    rewritten(page, judged)
-    page.click("#new-again")
+
+def test_a_new_job_remembers_what_was_asked(watched: Watched, running: RunningService, design: Path) -> None:
+    """Also of a job that was cancelled, and has no results."""
+    asked = {"tolerance_mm": None, "scan_accuracy_mm": 0.02, "label": "with limits", "preset": "paper"}
+    asked |= {"units": {"design": "inch"}, "columns": "1,2,3", "acceptance": LIMITS}
+    job = running.client.submit(design, design, {key: each for key, each in asked.items() if each})
+    running.client.cancel(job.id)
+    page = watched.page
+    page.goto(f"{watched.server}/#again-{job.id}")
+    for name, value in (("scan_accuracy_mm", "0.02"), ("label", "with limits"), ("columns", "1,2,3")):
+        expect(page.locator(f"input[name={name}]")).to_have_value(value)
+    expect(page.locator("select[name=preset]")).to_have_value("paper")
+    expect(page.locator(".slot[data-mesh=design] [data-what=unit]")).to_have_value("inch")
+    for name, value in (("min_within", "25"), ("upper_mm", "0.3"), ("lower_mm", ""), ("min_coverage", "")):
+        expect(page.locator(f"input[name={name}]")).to_have_value(value)
+    stated = json.loads(page.input_value("#acceptance-json"))
+    assert stated == {key: LIMITS[key] for key in ("uncertainty_mm", "points", "regions")}
+
+
+def test_limits_of_a_job_without_a_pose_are_kept_for_the_next(watched: Watched, registered: Job) -> None:
+    def refuse(document: dict[str, Any]) -> None:
+        document["verdict"] |= {"status": "no_match", "confidence": 0.0}
+        document |= {"transform": None, "deviation": None, "deviation_of_design": None, "scale": None}
+        document["inspection"] |= {"checks": [], "rule": "a rule", "patch_mm": None}
+
+    page = watched.page
+    rewritten(page, refuse)
+    kept = LIMITS | {"min_coverage": 0.5}
+    page.route("**/options", lambda route: route.fulfill(json=_options(route) | {"acceptance": kept}))
+    watched.open(registered)
+    expect(page.locator("#counts")).to_contain_text("No limit was judged: without a valid alignment")
+    page.click("#limits summary")
+    expect(page.locator("#limits-unjudged")).to_contain_text("for the next job")
+    for field, value in (("name", "seat"), ("place-1", "4, 5, 6"), ("lower", "-0.3"), ("reach", "1")):
+        page.fill(f"#limit-{field}", value)
+    page.click("#limit-add")
+    page.click("#limits-use")
     expect(page.locator("input[name=tolerance_mm]")).to_have_value("0.05")
-    expect(page.locator("input[name=scan_accuracy_mm]")).to_have_value("0.02")
-    expect(page.locator("input[name=min_within]")).to_have_value("25")
-    expect(page.locator("input[name=label]")).to_have_value("finished")
+    expect(page.locator("input[name=min_coverage]")).to_have_value("50")
+    stated = json.loads(page.input_value("#acceptance-json"))
+    (seat,) = stated["points"]  # what was set anew takes the place of what had its name
+    assert (seat["position_mm"], seat["lower_mm"]) == ([4, 5, 6], -0.3)
+    assert stated["regions"] == LIMITS["regions"]
+    page.unroute("**/options")
     page.unroute("**/results")
+
+
+def _options(route: Route) -> dict[str, Any]:
+    found: dict[str, Any] = route.fetch().json()
+    return found
 
 
 def test_files_are_dropped_where_they_belong(watched: Watched) -> None:

@@ -12,9 +12,12 @@ import trimesh
 from playwright.sync_api import Page, Route, expect
 
 from pipeline.core.acceptance import Acceptance, BoxRegion, SphereRegion
+from pipeline.core.mesh import Mesh
+from pipeline.report.glb import DisplayMesh, write_glb
 from service.contract.schemas import Job
 from tests.support.browser import Watched, changed, drag, hover_over, pixels, results, rewritten
 from tests.support.running import RunningService
+from tests.support.shapes import grid_plane, torus
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 
@@ -292,3 +295,143 @@ def test_the_scale_bar_is_true_and_a_projection_keeps_the_part(watched: Watched,
     assert changed(deep, flat) > 0.001
     page.click("#projection")
     assert changed(pixels(page), flat) < 0.002
+
+
+DRAWN_TWICE = """async (at) => {
+  const [{ Viewer }, { Pace }] = await Promise.all([import('/web/viewer.js'), import('/web/pace.js')]);
+  const canvas = document.createElement('canvas');
+  canvas.style.cssText = 'position: fixed; inset: 0; width: 300px; height: 200px; background: white';
+  document.body.append(canvas);
+  const viewer = new Viewer(canvas, { onHover() {}, onPick() {} });
+  viewer.resize();
+  await viewer.load('scan', await (await fetch(at)).arrayBuffer(), 'glb');
+  viewer.view.frame('oblique');
+  const { drawing, scan } = viewer;
+  const seen = () => {
+    const copy = new OffscreenCanvas(300, 200).getContext('2d');
+    copy.drawImage(canvas, 0, 0, 300, 200);
+    return copy.getImageData(0, 0, 300, 200).data;
+  };
+  const apart = (one, other) => one.reduce((sum, part, k) => sum + (Math.abs(part - other[k]) > 8), 0);
+  const pictures = [];
+  const draw = async (act) => {
+    drawing.turn += 1;
+    clearTimeout(drawing.rest);
+    while (drawing.isBusy) await new Promise((resolve) => { setTimeout(resolve, 20); });
+    await act();
+    pictures.push(seen());
+  };
+  const level = (k) => () => {
+    drawing.resolve(1);
+    viewer.prepare();
+    scan.draw(k);
+    viewer.renderer.render(viewer.scene, viewer.view.camera);
+  };
+  await draw(level(0));
+  await draw(level(1));
+  drawing.pace = new Pace([scan.size(0), scan.size(1)]);
+  await draw(() => drawing.inSlices());
+  const backs = [];
+  const { array } = scan.levels[1].index;
+  for (let k = 0; k < array.length; k += 3) {
+    const [a, b, c] = [0, 1, 2].map((part) => scan.position(array[k + part]));
+    const [u, v] = [b, c].map((end) => end.map((part, axis) => part - a[axis]));
+    const normal = [0, 1, 2].map((x) => u[(x + 1) % 3] * v[(x + 2) % 3] - u[(x + 2) % 3] * v[(x + 1) % 3]);
+    if (normal.reduce((sum, part, axis) => sum + part * scan.normal(array[k])[axis], 0) < 0) backs.push(k);
+  }
+  const told = {
+    sizes: [scan.size(0), scan.size(1)], backs: backs.length, drawn: canvas.dataset.drawn,
+    bySlices: apart(pictures[0], pictures[2]), byLevel: apart(pictures[0], pictures[1]),
+  };
+  viewer.close();
+  canvas.remove();
+  return told;
+}"""
+
+
+def test_a_large_surface_is_drawn_whole_in_slices_and_coarsely_while_it_moves(
+    watched: Watched, tmp_path: Path
+) -> None:
+    mesh = torus(15.0, 6.0, 120, 250)
+    grey = np.full((len(mesh.vertices), 3), 0.6)
+    write_glb(tmp_path / "large.glb", DisplayMesh(mesh), grey, deviation_mm=np.zeros(len(mesh.vertices)))
+    watched.page.route("**/large.glb", lambda route: route.fulfill(path=tmp_path / "large.glb"))
+    told = watched.page.evaluate(DRAWN_TWICE, "/large.glb")
+    whole, coarse = told["sizes"]
+    assert (whole, told["drawn"]) == (60_000, "whole")
+    assert coarse == pytest.approx(whole / 4, rel=0.4)
+    assert told["backs"] < 0.01 * coarse  # it faces as the whole does
+    assert told["bySlices"] == 0  # pixel by pixel what one drawing gives
+    assert 0 < told["byLevel"] < 0.05 * 300 * 200 * 4
+
+
+PACED = """async () => {
+  const { Pace } = await import('/web/pace.js');
+  const levels = (fixed, each) => {
+    const pace = new Pace([1e6, 250e3, 62e3, 15e3, 7e3]);
+    const slices = [];
+    for (let k = 0; k < 12; k += 1) {
+      const count = pace.slice;
+      pace.drewSlice(count, fixed + each * count);
+      slices.push(fixed + each * count);
+    }
+    for (let k = 0; k < 300; k += 1) pace.drew(pace.level, fixed + each * pace.counts[pace.level]);
+    return [pace.level, pace.isAtOnce, Math.max(...slices.slice(3))];
+  };
+  return [levels(2, 1e-5), levels(5, 3e-4), levels(20, 3e-3)];
+}"""
+
+
+def test_the_level_follows_from_the_time_of_frames(watched: Watched) -> None:
+    """A graphics card, a slow one, and software: ms of a frame, and for each triangle."""
+    card, slow, software = watched.page.evaluate(PACED)
+    assert card[:2] == [0, True]
+    assert slow[:2] == [2, False]  # 62,000 triangles take 24 ms, 250,000 take 80
+    assert software[0] in (3, 4) and software[1] is False
+    assert max(slow[2], software[2]) < 100  # ms of a slice, once it is known
+
+
+SIDES = """async (at) => {
+  const { Viewer } = await import('/web/viewer.js');
+  const canvas = document.createElement('canvas');
+  canvas.style.cssText = 'position: fixed; inset: 0; width: 200px; height: 200px; background: white';
+  document.body.append(canvas);
+  const told = {};
+  for (const isShaded of [true, false]) {
+    const fresh = canvas.cloneNode();
+    document.body.append(fresh);
+    const viewer = new Viewer(fresh, { onHover() {}, onPick() {} });
+    viewer.resize();
+    const file = async () => (await fetch(at)).arrayBuffer();
+    await viewer.load('design', await file(), 'glb');
+    await viewer.load('scan', await file(), 'glb');
+    viewer.show('design', false);
+    if (isShaded) viewer.shadeBacks();
+    for (const [side, name] of [['+z', 'front'], ['\u2212z', 'back']]) {
+      viewer.view.frame(side);
+      await new Promise((resolve) => { viewer.onDrawn = resolve; viewer.draw(); });
+      const copy = new OffscreenCanvas(1, 1).getContext('2d');
+      copy.drawImage(fresh, fresh.width / 2, fresh.height / 2, 1, 1, 0, 0, 1, 1);
+      told[`${isShaded ? 'shaded' : 'plain'} ${name}`] = [...copy.getImageData(0, 0, 1, 1).data].slice(0, 3);
+    }
+    viewer.close();
+    fresh.remove();
+  }
+  canvas.remove();
+  return told;
+}"""
+
+
+def test_the_back_of_an_open_surface_is_drawn_darker_than_its_front(watched: Watched, tmp_path: Path) -> None:
+    """The middle pixel of a plane in the light of the eye, from its front, +z, and from its back."""
+    plane = grid_plane()
+    sheet = Mesh(plane.vertices, plane.faces)
+    colour = np.full((len(sheet.vertices), 3), 0.6)
+    values = np.zeros(len(sheet.vertices))
+    write_glb(tmp_path / "sheet.glb", DisplayMesh(sheet), colour, deviation_mm=values)
+    watched.page.route("**/sheet.glb", lambda route: route.fulfill(path=tmp_path / "sheet.glb"))
+    told = watched.page.evaluate(SIDES, "/sheet.glb")
+    front, back = np.array(told["shaded front"]), np.array(told["shaded back"])
+    assert np.all(front > back + 40)
+    assert told["shaded front"] == told["plain front"]  # the front has its own colour
+    assert told["plain back"] == told["plain front"]  # without the shade both look alike

@@ -17,9 +17,9 @@ from service.api.parameters import JobId
 from service.api.problems import problems
 from service.auth.keys import Caller
 from service.contract.errors import JobNotFound
-from service.contract.schemas import Job, JobForecast
+from service.contract.schemas import Job, JobForecast, Options
 from service.jobs.models import JobRow
-from service.jobs.views import forecast_of, job_of
+from service.jobs.views import forecast_of, job_of, options_of
 
 RETRY_AFTER_S = 1
 MAX_WAIT_S = 60
@@ -110,6 +110,12 @@ async def _events(api: Api, first: JobRow, caller: Caller) -> AsyncIterator[byte
 def forecast(job_id: JobId, api: UseApi, caller: Reads) -> JobForecast:
     """Get the place of a job in the queue, and an estimate of the time that is left."""
     return forecast_of(api.jobs.forecast(api.job(job_id, caller)))
+
+
+@router.get("/{job_id}/options", response_model=Options, responses=problems(401, 403, 404, 429))
+def options(job_id: JobId, api: UseApi, caller: Reads) -> Options:
+    """Get what was asked of a job, completed by what was kept with its design when it was sent."""
+    return options_of(api.job(job_id, caller))
 
 
 async def _wait(api: Api, row: JobRow, caller: Caller, seconds: int) -> JobRow:

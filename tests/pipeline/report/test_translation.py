@@ -13,9 +13,13 @@ from pipeline.core.results.inspection import Check, CheckKind
 from pipeline.core.sentences import place, sentence
 from pipeline.core.small_motions import SmallMotion
 from pipeline.inspection.inspect import words as reason
+from pipeline.report import decision_graph
+from pipeline.report.deviation_histogram import AXIS_LABELS
 from pipeline.report.german_findings import GERMAN_FINDINGS
 from pipeline.report.german_notes import GERMAN_NOTES
 from pipeline.report.words import CATALOGUES, ENGLISH, Words
+from pipeline.studies import plots
+from pipeline.studies.simulated_scan import conditions
 from pipeline.verification.evidence import DETAILS
 from pipeline.verification.findings import MOTIONS, SOURCES
 from pipeline.verification.thresholds import UNIT_FACTORS
@@ -48,6 +52,27 @@ def templates() -> set[str]:
 def test_every_sentence_and_word_has_its_german() -> None:
     assert not (templates() | PLAIN) - CATALOGUES["de"].keys()
     assert not GERMAN_FINDINGS.keys() - templates() - PLAIN  # none is left over
+
+
+def test_every_word_of_the_pages_and_drawings_has_its_german() -> None:
+    """What is given to `words` as a text, and the tables of texts that are given to it by name."""
+    said: set[str] = set()
+    for folder in ("report", "studies"):
+        for path in (SOURCE / folder).glob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "words" and node.args:
+                    first = node.args[0]
+                    if isinstance(first, ast.Constant):
+                        said.add(str(first.value))
+    said |= {*decision_graph.RHO_LABELS.values(), *decision_graph.METHOD_LABELS.values()}
+    said |= {*decision_graph.DELTA_LABEL, decision_graph.CENTRE, "informativeness", "repeatability"}
+    said |= {*plots.LABELS.values(), *plots.RULE_LABELS.values(), *AXIS_LABELS.values()} - {"$T^2$", "ISS"}
+    assert not said - CATALOGUES["de"].keys()
+
+
+def test_conditions_of_a_study_are_translated_with_their_figures() -> None:
+    found = [GERMAN.sentence(each.name) for each in conditions(None)]
+    assert found == ["Rauschen 0,1%", "Rauschen 0,3%", "Rauschen 0,1%, 30% abgeschnitten"]
 
 
 def test_findings_and_reasons_are_sentences() -> None:

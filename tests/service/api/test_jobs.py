@@ -464,3 +464,16 @@ def test_a_job_tells_its_place_and_what_is_left(service: Service) -> None:
         service.worker.run(job_id)
     assert forecast(service.submitted())["remaining_s"] is not None
     assert_problem(service.http.get("/v1/jobs/none/forecast"), 404, "job_not_found")
+
+
+def test_a_job_tells_what_was_asked_of_it(service: Service) -> None:
+    asked = {"tolerance_mm": 0.2, "acceptance": {"min_within": 0.9}, "label": "part 7"}
+    webhook = {"webhook": {"url": "http://93.184.216.34/hook?token=secret"}}
+    job_id = service.submitted(json.dumps(asked | webhook))
+    answer = service.http.get(f"/v1/jobs/{job_id}/options")
+    told = answer.json()
+    assert (told["tolerance_mm"], told["label"], told["acceptance"]["min_within"]) == (0.2, "part 7", 0.9)
+    assert told["webhook"] == {"url": "http://93.184.216.34/hook"} and "secret" not in answer.text
+    again = service.submitted(json.dumps({key: value for key, value in told.items() if key != "webhook"}))
+    assert service.http.get(f"/v1/jobs/{again}/options").json() == told | {"webhook": None}
+    assert_problem(service.http.get("/v1/jobs/none/options"), 404, "job_not_found")
