@@ -220,7 +220,7 @@ def test_the_verdict_is_of_the_alignment_whatever_it_is(watched: Watched, regist
     expect(page.locator("#check-table tbody tr")).to_contain_text("rim: highest")  # open: it failed
     expect(page.locator("#check-table tbody tr")).to_contain_text("+0.310 mm")
     expect(page.locator("#check-table tbody tr .bad")).to_have_text("failed")
-    expect(page.locator("#meaning")).to_contain_text("does not confirm it")
+    expect(page.locator("#meaning")).to_contain_text("it is not certain that the scan shows this part")
     expect(page.locator("#confidence")).to_have_text("confidence not given")
     expect(page.locator("#why-tables h3").first).to_contain_text("same part: not given")
     expect(page.locator("#how-figures")).not_to_contain_text("scanner accuracy")

@@ -181,14 +181,15 @@ def test_pairs_of_places_give_the_motion_between_them() -> None:
         assert found.residual_mm < 1e-9
     two = LandmarksFit.model_validate({"kind": "landmarks", "design_landmarks": [0, 1, 7]})
     with pytest.raises(
-        AlignmentFailed, match=r"stays free with 2 matched landmarks: the rotation about the axis \(1, 0, 0\)"
+        AlignmentFailed,
+        match=r"the matched landmarks that it uses \(2\) leave a motion free: the rotation about the axis \(1, 0, 0\)",
     ):
         fit_landmarks(placed(BLOCK), two, of_matches)
 
 
 def test_what_the_scan_does_not_show_is_named() -> None:
     above = BLOCK.faces[(BLOCK.vertices[BLOCK.faces][:, :, 2] > 0).any(axis=1)]
-    with pytest.raises(AlignmentFailed, match="does not show 'A1', 'A2', 'A3'"):
+    with pytest.raises(AlignmentFailed, match="does not show its points 'A1', 'A2', 'A3'"):
         points = [{**each, "radius_mm": 3} for each in rps_points()]
         fit_reference_points(placed(_used(Mesh(BLOCK.vertices, above))), RpsFit(kind="rps", points=points))  # type: ignore[arg-type]
 
