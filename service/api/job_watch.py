@@ -50,13 +50,15 @@ class WatchedJob:
     async def newer(self, version: int, timeout_s: float | None = None) -> bool:
         """Wait for a version after `version`; False if none came in time. Raises what the database raised."""
         if self.version <= version and self.error is None:
-            woken = asyncio.get_running_loop().create_future()
+            loop = asyncio.get_running_loop()
+            woken = loop.create_future()
             self._waiting[woken] = None
+            timer = None if timeout_s is None else loop.call_later(timeout_s, _wake, woken)
             try:
-                await asyncio.wait_for(woken, timeout_s)
-            except TimeoutError:
-                pass
+                await woken
             finally:
+                if timer is not None:
+                    timer.cancel()
                 self._waiting.pop(woken, None)
         if self.error is not None:
             raise self.error
@@ -81,10 +83,14 @@ class WatchedJob:
         self.version += 1
         waiting, self._waiting = self._waiting, {}
         for number, woken in enumerate(waiting):
-            if not woken.done():
-                woken.set_result(None)
+            _wake(woken)
             if number % BATCH == BATCH - 1:
                 await asyncio.sleep(BATCH / WAKES_PER_S)
+
+
+def _wake(woken: "asyncio.Future[None]") -> None:
+    if not woken.done():
+        woken.set_result(None)
 
 
 class JobWatch:

@@ -1,12 +1,12 @@
 """The API process."""
 
-import gc
 import os
 import tempfile
 
 import uvicorn
 
 from service.api.app import create_app
+from service.api.garbage import settle_objects
 from service.settings import ServiceSettings
 
 KEEP_ALIVE_S = 15
@@ -17,10 +17,7 @@ def run_api(settings: ServiceSettings) -> int:
     """Serve until SIGTERM or SIGINT. Returns the exit code."""
     tempfile.tempdir = str(settings.tmp_dir)  # spooled form uploads; of this process, so not in `create_app`
     server = uvicorn.Server(configuration(settings))
-    # What was made until here stays. To look through it for garbage, as Python does again and again when many
-    # clients watch, would take 70 ms in which no request is answered.
-    gc.collect()
-    gc.freeze()
+    settle_objects()
     server.run()
     return 0 if server.started else 1
 

@@ -121,13 +121,19 @@ class DbosRunner:
         def run_job(job_id: str) -> None:
             run(job_id)
 
+        self._register()
         DBOS.launch()
-        DBOS.register_queue(
+
+    def _register(self) -> None:
+        """Before DBOS is launched: it looks for queues once a second, so that a later one makes jobs wait."""
+        client = DBOSClient(system_database_url=self._url, application_name=APPLICATION)
+        client.register_queue(
             QUEUE,
             worker_concurrency=self._parallel,
             polling_interval_sec=POLLING_INTERVAL_S,
             on_conflict="always_update",
         )
+        client.destroy()
 
     def stop(self) -> None:
         """Take no more entries. Running threads continue: end the process after this."""

@@ -71,6 +71,7 @@ def test_secrets_are_made_once_and_for_the_owner_only(tmp_path: Path) -> None:
     assert {path.name: path.read_text() for path in (tmp_path / "secrets").iterdir()} == made
 
 
+@pytest.mark.nightly
 def test_a_bill_of_materials_lists_what_is_locked(tmp_path: Path) -> None:
     """CycloneDX, checked against its schema; `make sbom` writes it."""
     made = tmp_path / "sbom.json"

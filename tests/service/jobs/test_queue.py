@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from dbos import DBOS
 
-from service.jobs.queue import DbosQueue, DbosRunner, migrate_queue
+from service.jobs.queue import QUEUE, DbosQueue, DbosRunner, migrate_queue
 from service.settings import ServiceSettings
 from tests.support.running import wait_until
 
@@ -52,6 +52,22 @@ def test_each_ticket_runs_once_and_a_dropped_one_never(url: str, queue: DbosQueu
         queue.requeue("a", 2)  # its row said that it waits, though its ticket is used up
         queue.requeue("c", 2)
         wait_until(lambda: sorted(ran) == ["a", "a", "b", "c"], 60, "both again")
+    finally:
+        runner.stop()
+        DBOS.destroy(destroy_registry=True)
+
+
+def test_the_queue_is_known_before_dbos_looks_for_queues(
+    url: str, queue: DbosQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It looks once a second: a queue that came later made the first job wait for that."""
+    known: list[object] = []
+    launch = DBOS.launch
+    monkeypatch.setattr(DBOS, "launch", lambda: (known.append(queue._client.retrieve_queue(QUEUE)), launch()))
+    runner = DbosRunner(url, "worker-1", 1, lambda _: None)
+    runner.start()
+    try:
+        assert len(known) == 1 and known[0] is not None
     finally:
         runner.stop()
         DBOS.destroy(destroy_registry=True)
