@@ -44,14 +44,15 @@ demo: $(READY) ## register a generated dental arch to its "print", through the w
 serve: $(READY) ## start the service on HOST:PORT
 	$(BIN)/cusp up --host $(HOST) --port $(PORT)
 
-# Compiled tests are kept for the next worker, and solvers take one thread: two workers share two cores.
+# Compiled tests are kept for the next worker, and solvers take one thread. Three workers on two cores: many tests wait for a
+# service.
 # Tests write databases that wait for the disk; in memory, where there is some, they do not wait.
 TEST_TMP := $(shell free=$$(df -Pk /dev/shm 2>/dev/null | awk 'NR == 2 {print $$4}'); \
     [ "$${free:-0}" -gt 4000000 ] && echo /dev/shm || echo "$${TMPDIR:-/tmp}")
 PYTEST := TMPDIR=$(TEST_TMP) PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=20
 
 test: $(READY) servers ## all tests but the nightly ones; those marked `data` need CUSP_DATA
-	$(PYTEST) -n 2 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -n 3 --dist loadfile --no-loadscope-reorder
 
 nightly: $(READY) servers tidy sbom ## the long tests: 2,400 broken meshes, 100,000 changed files, the C++ core under sanitizers, 300 requests an address, every kill and restart, known vulnerabilities
 	CUSP_TEST_NIGHTLY=1 $(PYTEST) -m nightly --timeout 3600

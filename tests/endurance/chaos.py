@@ -289,8 +289,8 @@ def final_ids(engine: Engine) -> set[str]:
         return set()
 
 
-def run(kind: str, jobs: int, seed: int, faults: int) -> dict[str, Any]:
-    """One service of a kind of storage, struck until all its jobs are done."""
+def run(kind: str, jobs: int, seed: int, faults: int, keep_logs: Path | None) -> dict[str, Any]:
+    """One service of a kind of storage, struck until all its jobs are done. keep_logs : folder for its log"""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         if kind == "postgresql":
@@ -323,6 +323,10 @@ def run(kind: str, jobs: int, seed: int, faults: int) -> dict[str, Any]:
         with engine.connect() as connection:
             rows = connection.execute(text("SELECT id, status, attempt, error FROM jobs")).all()
             audit = connection.execute(text("SELECT id, count(*) FROM audit GROUP BY id")).all()
+        if keep_logs is not None:
+            keep_logs.mkdir(parents=True, exist_ok=True)
+            log = folder / ("log" if kind == "postgresql" else "data.log")
+            (keep_logs / f"{kind}.log").write_bytes(log.read_bytes())
         whole = sum(is_whole(victim.client, row.id, folder) for row in rows if row.status == "successful")
         return {
             "storage": kind,
@@ -365,9 +369,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--faults", type=int, default=18, help="at most so many")
     parser.add_argument("--storage", choices=["sqlite", "postgresql", "both"], default="both")
+    parser.add_argument("--keep-logs", type=Path, help="folder for what the services wrote")
     options = parser.parse_args()
     kinds = ["sqlite", "postgresql"] if options.storage == "both" else [options.storage]
-    found = [run(kind, options.jobs, options.seed, options.faults) for kind in kinds]
+    found = [run(kind, options.jobs, options.seed, options.faults, options.keep_logs) for kind in kinds]
     table = Table("what", *(each["storage"] for each in found), title="Faults at random moments")
     for what in dict.fromkeys(what for each in found for what in each):
         table.add_row(what, *(str(each.get(what, "-")) for each in found))

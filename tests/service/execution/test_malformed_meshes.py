@@ -2,7 +2,7 @@
 job runs.
 
 Real files of every format, bytes of which are changed, cut, doubled or replaced by numbers that break
-programs; through the API's look at an upload and through the child process with the real parsers. Two of
+programs; through the API's look at an upload and through the child process with the real parsers. Some of
 each format in a plain run, 2,400 at night.
 """
 
@@ -50,7 +50,7 @@ def run(sandbox: Sandbox, folder: Path, ending: str, content: bytes) -> Outcome:
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("count", [32, pytest.param(2400, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [48, pytest.param(2400, marks=pytest.mark.nightly)])
 def test_every_broken_mesh_ends_with_a_result_or_a_reason(
     sandbox: Sandbox, tmp_path: Path, count: int
 ) -> None:
