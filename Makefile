@@ -44,8 +44,8 @@ demo: $(READY) ## register a generated dental arch to its "print", through the w
 serve: $(READY) ## start the service on HOST:PORT
 	$(BIN)/cusp up --host $(HOST) --port $(PORT)
 
-# Compiled tests are kept for the next worker, and solvers take one thread. Three workers on two cores: many tests wait for a
-# service.
+# Compiled tests are kept for the next worker, and solvers take one thread. Three workers on two cores: many
+# tests wait for a service.
 # Tests write databases that wait for the disk; in memory, where there is some, they do not wait.
 TEST_TMP := $(shell free=$$(df -Pk /dev/shm 2>/dev/null | awk 'NR == 2 {print $$4}'); \
     [ "$${free:-0}" -gt 4000000 ] && echo /dev/shm || echo "$${TMPDIR:-/tmp}")
