@@ -100,7 +100,7 @@ class PreconditionFailed(ServiceError):
 
 class JobNotFinal(ServiceError):
     code = "job_not_final"
-    retry_after_s = 1
+    retry_after_s: int | None = 1
 
 
 class JobFinal(ServiceError):

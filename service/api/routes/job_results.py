@@ -71,7 +71,10 @@ def _check_successful(row: JobRow) -> None:
             if row.status is Status.FAILED
             else f"is {row.status}, so it has no results yet; poll GET /v1/jobs/{row.id} until it ends"
         )
-        raise JobNotFinal(f"job {row.id} {why}")
+        refused = JobNotFinal(f"job {row.id} {why}")
+        if row.status.is_final:
+            refused.retry_after_s = None  # it stays so: a client that tries again would do so for ever
+        raise refused
 
 
 def _download(api: Api, request: Request, row: JobRow, name: str, *, inline: bool = False) -> Response:
