@@ -45,9 +45,16 @@ class CommitNotices:
         if (commits := CommitWatch.of(self._database)) is None:
             return
 
+        later: asyncio.TimerHandle | None = None
+
         def look() -> None:
-            if commits.clear():
+            nonlocal later
+            if commits.has_commit():
                 changed(None)
+            if later is not None:
+                later.cancel()
+            pause_s = commits.pause_s()
+            later = None if pause_s is None else loop.call_later(pause_s, look)
 
         loop.add_reader(commits.fd, look)
         self.is_listening = True
@@ -57,6 +64,8 @@ class CommitNotices:
         finally:
             self.is_listening = False
             loop.remove_reader(commits.fd)
+            if later is not None:
+                later.cancel()
             commits.close()
 
 

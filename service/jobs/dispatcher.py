@@ -6,7 +6,6 @@ PostgreSQL is asked every 0.05 s.
 """
 
 import threading
-import time
 
 import structlog
 
@@ -52,6 +51,4 @@ class Dispatcher:
     def _pause(self) -> None:
         """Until the next commit, which may have come during the pass; without a watch not at all."""
         if self._commits is not None:
-            until = time.monotonic() + SAFETY_INTERVAL_S
-            while (left := until - time.monotonic()) > 0 and not self._commits.wait(left):
-                pass  # another file beside the database was written
+            self._commits.wait(SAFETY_INTERVAL_S)

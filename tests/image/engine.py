@@ -79,11 +79,12 @@ class Engine:
         self.run("tag", IMAGE, COMPOSE_IMAGE)
 
     def build_servers(self, base: str | None) -> None:
-        """PostgreSQL and the S3 server of the tests, in an image."""
+        """PostgreSQL and the S3 server of the tests, in an image. By buildah: Docker gets the real ones."""
         folder = Path(__file__).parent
-        self._build(SERVERS, folder / "servers.Dockerfile", folder, base or BASE)
+        constraints = f"--volume={ROOT / 'constraints.txt'}:/mnt/constraints.txt:ro"  # outside of the context
+        self._build(SERVERS, folder / "servers.Dockerfile", folder, base or BASE, constraints)
 
-    def _build(self, image: str, file: Path, context: Path, base: str | None) -> None:
+    def _build(self, image: str, file: Path, context: Path, base: str | None, *options: str) -> None:
         index, certificate = os.environ.get("PIP_INDEX_URL"), os.environ.get("PIP_CERT")
         given = [f"--build-arg=PIP_INDEX_URL={index}"] if index else []
         given += [f"--build-arg=BASE={base}"] if base else []
@@ -92,7 +93,7 @@ class Engine:
             return
         if certificate:  # not where it is here: a package of the base writes there
             given += [f"--volume={certificate}:/mnt/ca.crt:ro", "--build-arg=PIP_CERT=/mnt/ca.crt"]
-        words = ["bud", "--layers", "--format=docker", f"--tag={image}", f"--file={file}", *given]
+        words = ["bud", "--layers", "--format=docker", f"--tag={image}", f"--file={file}", *given, *options]
         self.run(*words, str(context), program="buildah")
 
     def _debootstrap(self) -> None:
