@@ -1,37 +1,81 @@
-"""How much of the disk a job uses: its folder, and files that it deleted but keeps open."""
+"""How much of the disk a job uses: its folder, and files that it deleted but keeps open or mapped.
 
+The job may be in the hands of an attacker. A file counts as the larger of its length and its blocks, since a
+sparse file takes its full length when it is stored. A folder that cannot be looked into counts as too much.
+"""
+
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from service.execution import process
+
 MAX_ENTRIES = 10_000  # of a folder; a job has some tens
+MAX_PROCESSES = 64  # of a job that are looked at; the zygote ends one that has more than 16
+TOO_MUCH = 2**63  # bytes; more than any limit
 BLOCK_BYTES = 512  # unit of `st_blocks`
+#: A folder without permission to read it, or one that lies deeper than the longest path of the system.
+HIDDEN = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
 
 
 def used_bytes(folder: Path, pid: int | None) -> int:
-    """Bytes on the disk. More than any limit (2^63) when there are more than MAX_ENTRIES files."""
+    """Bytes on the disk. TOO_MUCH when there are more than MAX_ENTRIES files, or hidden ones.
+
+    pid : of the job's process, if it lives
+    """
     total = 0
-    for count, status in enumerate(_statuses(folder, pid)):
-        if count >= MAX_ENTRIES:
-            return 2**63
-        total += status.st_blocks * BLOCK_BYTES
-    return total
+    try:
+        for count, status in enumerate(_entries(folder)):
+            if count >= MAX_ENTRIES:
+                return TOO_MUCH
+            total += max(status.st_size, status.st_blocks * BLOCK_BYTES)
+    except OSError as error:
+        if error.errno in HIDDEN:
+            return TOO_MUCH  # other errors are the disk's, not the job's
+    return total if pid is None else total + _deleted_bytes(folder, pid)
 
 
-def _statuses(folder: Path, pid: int | None) -> Iterator[os.stat_result]:
+def _entries(folder: Path) -> Iterator[os.stat_result]:
     todo = [str(folder)]
     while todo:
-        with suppress(OSError), os.scandir(todo.pop()) as entries:
+        with suppress(FileNotFoundError, NotADirectoryError), os.scandir(todo.pop()) as entries:
             for entry in entries:
-                with suppress(OSError):
+                with suppress(FileNotFoundError):
                     yield entry.stat(follow_symlinks=False)
                     if entry.is_dir(follow_symlinks=False):
                         todo.append(entry.path)
-    if pid is not None:
-        with suppress(OSError):
-            for fd in os.listdir(f"/proc/{pid}/fd"):  # noqa: PTH208 (names of no path)
-                with suppress(OSError):
-                    status = os.stat(f"/proc/{pid}/fd/{fd}")  # noqa: PTH116 (a link to no path)
-                    if status.st_nlink == 0:
-                        yield status
+
+
+def _deleted_bytes(folder: Path, pid: int) -> int:
+    """Of files that have no name any more, but live on in a process."""
+    sizes: dict[int, int] = {}  # by inode: the folder is on one file system
+    for each in (pid, *process.descendants_of(pid, MAX_PROCESSES)):
+        for inode, size in (*_opened(each), *_mapped(each, folder)):
+            sizes[inode] = max(size, sizes.get(inode, 0))
+    return sum(sizes.values())
+
+
+def _opened(pid: int) -> Iterator[tuple[int, int]]:
+    with suppress(OSError):
+        for fd in os.listdir(f"/proc/{pid}/fd"):  # noqa: PTH208 (names of no path)
+            with suppress(OSError):
+                status = os.stat(f"/proc/{pid}/fd/{fd}")  # noqa: PTH116 (a link to no path)
+                if status.st_nlink == 0:
+                    yield status.st_ino, max(status.st_size, status.st_blocks * BLOCK_BYTES)
+
+
+def _mapped(pid: int, folder: Path) -> Iterator[tuple[int, int]]:
+    """Inode and end of each part of a deleted file of the folder that is mapped."""
+    with suppress(OSError):
+        maps = Path(f"/proc/{pid}/maps").read_bytes()
+        if b" (deleted)\n" not in maps:
+            return
+        own = os.fsencode(folder.resolve()) + b"/"
+        for line in maps.splitlines():
+            # from-to rights offset device inode path
+            span, _, offset, _, inode, *path = line.split(maxsplit=5)
+            if path and path[0].startswith(own) and path[0].endswith(b" (deleted)"):
+                begin, _, end = span.partition(b"-")
+                yield int(inode), int(offset, 16) + int(end, 16) - int(begin, 16)

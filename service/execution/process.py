@@ -91,15 +91,16 @@ def threads_of(pid: int) -> int:
 
 
 def resident_bytes(pid: int) -> int:
-    """Memory of a process that is its own or copied since the fork; 0 when it is gone.
+    """Memory of a process that is its own, copied since the fork, or shared with no file; 0 when it is gone.
 
     File-backed pages (shared libraries) are not counted, so the same job counts the same in any process.
     """
     try:
-        _, resident, shared, *_ = Path(f"/proc/{pid}/statm").read_text().split()
-    except (OSError, ValueError):
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
         return 0
-    return (int(resident) - int(shared)) * resource.getpagesize()
+    sizes = {name: size for name, _, size in (line.partition(":") for line in lines)}
+    return sum(int(sizes.get(name, "0 kB").split()[0]) * 1024 for name in ("RssAnon", "RssShmem"))
 
 
 def limit_address_space(extra_bytes: int) -> None:

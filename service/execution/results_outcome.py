@@ -5,6 +5,10 @@ import math
 from pathlib import Path
 from typing import TypedDict
 
+RESULTS_FILE = "results.json"
+#: Of results.json, a file of the job's process that the worker reads whole; the largest of ours have 1 MiB.
+MAX_RESULTS_BYTES = 16 * 1024 * 1024
+
 
 class ResultsOutcome(TypedDict):
     """Of a registration; None for other types of job."""

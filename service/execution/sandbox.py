@@ -197,6 +197,10 @@ class Sandbox:
                 process.kill_group(run.pid)
         else:
             self._report(progress, on_progress, is_killed=killed_for is not None)
+            is_own_end = killed_for is None and run.ended.get("by") is None
+            if is_own_end and used_bytes(folder, None) > self._limits.disk_mib * MIB:
+                # written since the last look: nothing of it may be stored
+                return Outcome("failed", explain_exit(None, "disk", None, self._limits), seconds, _peak(run))
         return self._outcome(run, read_answer(folder), killed_for, seconds)
 
     @staticmethod
@@ -213,7 +217,7 @@ class Sandbox:
         seconds: float,
     ) -> Outcome:
         ended = run.ended or {}
-        peak_mib = ended["peak_bytes"] / 2**20 if ended else None
+        peak_mib = _peak(run)
         if killed_for == "unwanted":
             return Outcome("unwanted", None, seconds, peak_mib)
         by = ended.get("by")
@@ -229,6 +233,11 @@ class Sandbox:
             self._limits,
         )
         return Outcome("failed", problem, seconds, peak_mib)
+
+
+def _peak(run: Run) -> float | None:
+    """MiB that the process of an ended run took at most."""
+    return None if run.ended is None else float(run.ended["peak_bytes"]) / MIB
 
 
 def log_tail(folder: Path) -> str:

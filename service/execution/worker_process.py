@@ -1,16 +1,18 @@
 """The worker process: opens its parts, runs until it gets a signal, and ends within seconds."""
 
 import os
-import shutil
 import signal
 import threading
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 import structlog
 
 from service.execution.confinement.measures import Measures
+from service.execution.folder_removal import remove_folder
 from service.execution.job_limits import Limits
+from service.execution.job_tasks import JobTasks
 from service.execution.letterhead import Letterhead
 from service.execution.periodic import PeriodicTask
 from service.execution.sandbox import Sandbox, SandboxError
@@ -66,8 +68,7 @@ def run_worker(settings: ServiceSettings) -> int:
         log.error("cannot run jobs", reason=str(error))
         return EXIT_BROKEN
     scratch = settings.scratch_dir / settings.worker_id
-    shutil.rmtree(scratch, ignore_errors=True)  # left by a worker that was killed
-    scratch.mkdir(mode=0o700, parents=True)
+    _clear(scratch)
     designs = DesignCache(blobs.store, settings.design_cache_mib)
     metrics = Metrics(engine, settings.data_dir)
     fetcher = MeshFetcher(
@@ -75,7 +76,8 @@ def run_worker(settings: ServiceSettings) -> int:
         settings.max_upload_mib * MIB,
         settings.mesh_fetch_time_limit_s,
     )
-    worker = Worker(settings.worker_id, jobs, blobs, designs, sandbox, scratch, metrics, fetcher, letterhead)
+    tasks = JobTasks(jobs, blobs, designs, fetcher, letterhead)
+    worker = Worker(settings.worker_id, jobs, blobs, tasks, sandbox, scratch, metrics)
     queue = DbosQueue(settings.queue)
     reaper = Reaper(jobs, queue)
     reaper.at_start(settings.worker_id)
@@ -108,6 +110,16 @@ def run_worker(settings: ServiceSettings) -> int:
         log.error("cannot run jobs", reason=str(worker.broken))
         return EXIT_BROKEN
     return 0
+
+
+def _clear(scratch: Path) -> None:
+    """Make the folder of the folders of jobs, without what a worker left that was killed."""
+    scratch.mkdir(mode=0o700, parents=True, exist_ok=True)
+    for left in scratch.iterdir():
+        try:
+            remove_folder(left)
+        except OSError as error:
+            log.error("the folder of a job is not removed", folder=left.name, reason=str(error))
 
 
 def _check_measures(measures: Measures, *, is_required: bool) -> None:

@@ -12,6 +12,7 @@ import structlog
 from psycopg import sql
 
 from service.api.app import create_app
+from service.execution.job_tasks import JobTasks
 from service.execution.worker import Worker
 from service.jobs.metrics import Metrics
 from service.jobs.store import JobStore
@@ -103,7 +104,8 @@ def service(settings: ServiceSettings) -> Iterator[Service]:
     )
     designs, metrics = DesignCache(blobs.store, settings.design_cache_mib), Metrics(engine, settings.data_dir)
     fetcher = MeshFetcher(Guard.of("127.0.0.0/8"), settings.max_upload_mib * MIB, 5.0)
-    worker = Worker("worker-1", jobs, blobs, designs, sandbox, settings.scratch_dir, metrics, fetcher)  # type: ignore[arg-type]
+    tasks = JobTasks(jobs, blobs, designs, fetcher)
+    worker = Worker("worker-1", jobs, blobs, tasks, sandbox, settings.scratch_dir, metrics)  # type: ignore[arg-type]
     with serving(create_app(settings)) as address, http_client(address) as http:
         yield Service(http, jobs, blobs, queue, sandbox, worker, settings)
     engine.dispose()

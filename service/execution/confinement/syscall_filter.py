@@ -20,6 +20,8 @@ _INSTRUCTION = struct.Struct("=HBBI")  # sock_filter: code, jt, jf, k
 _CLONE_THREAD = 0x00010000
 _CLONE_NAMESPACES = 0x7E020000  # CLONE_NEW*: cgroup, IPC, mount, network, PID, user, UTS
 _IOCTLS = (0x5401, 0x5413, 0x541B, 0x5421, 0x5450, 0x5451)  # is it a terminal, its size; FIO*
+#: Copies of descriptors, their flags, locks and sizes of pipes: nothing that has the kernel send signals.
+_FCNTLS = (0, 1, 2, 3, 4, 5, 6, 7, 36, 37, 38, 1030, 1031, 1032)
 _PRCTLS = (15, 16, 0x53564D41)  # names of threads and of memory
 
 _FILES = """
@@ -28,7 +30,7 @@ _FILES = """
     readlinkat getdents getdents64 getcwd chdir fchdir rename renameat renameat2 mkdir mkdirat rmdir unlink
     unlinkat link linkat symlink symlinkat mknod mknodat truncate ftruncate fallocate fsync fdatasync
     sync_file_range fadvise64 readahead copy_file_range sendfile utime utimes utimensat futimesat chmod fchmod
-    fchmodat fchmodat2 umask dup dup2 dup3 fcntl flock pipe pipe2 select pselect6 poll ppoll epoll_create
+    fchmodat fchmodat2 umask dup dup2 dup3 flock pipe pipe2 select pselect6 poll ppoll epoll_create
     epoll_create1 epoll_ctl epoll_wait epoll_pwait epoll_pwait2 eventfd eventfd2
 """
 _MEMORY = (
@@ -121,6 +123,8 @@ def _add_rules(rules: _Rules, with_processes: bool) -> None:
     rules.add("clone", _Comparison(0, _MASKED_EQUAL, *flags))
     for request in _IOCTLS:
         rules.add("ioctl", _Comparison(1, _EQUAL, request))
+    for command in _FCNTLS:
+        rules.add("fcntl", _Comparison(1, _EQUAL, command))
     for option in _PRCTLS:
         rules.add("prctl", _Comparison(0, _EQUAL, option))
     for pid in (0, _PID_PLACEHOLDER):  # 0: itself; of `kill`, its own group

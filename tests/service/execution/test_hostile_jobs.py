@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from service.execution.confinement.measures import available
+from service.execution.folder_removal import remove_folder
 from service.execution.job_limits import Limits
 from service.execution.sandbox import Outcome, Sandbox
 from tests.service.execution.misbehaving.hostile import ATTEMPTS
@@ -27,7 +28,13 @@ LIMIT_S = 120.0
 ENDED = {
     "fill the disk": "job_out_of_disk",
     "fill the disk with deleted files": "job_out_of_disk",
+    "fill the disk with mapped files": "job_out_of_disk",
+    "fill the disk below any path": "job_out_of_disk",
     "make a million files": "job_out_of_disk",
+    "nest 5,000 folders": "job_out_of_disk",
+    "leave sparse files": "job_out_of_disk",
+    "share memory with itself": "job_out_of_memory",
+    "fill the disk in a locked folder": "job_out_of_disk",
 }
 
 
@@ -93,6 +100,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
         thread.join(60)
         assert [outcome.kind for outcome in outcomes] == ["done"]  # the neighbour finishes
         sandbox.stop()
+        remove_folder(folder / "scratch")  # before pytest, which cannot
 
 
 @pytest.mark.parametrize("with_processes", [False, True])
@@ -111,6 +119,16 @@ def test_the_service_ends_what_the_kernel_does_not_refuse(scene: Scene, name: st
     outcome, happened = scene.attempt(name)
     assert outcome.problem is not None and outcome.problem.code == ENDED[name], happened
     assert outcome.seconds < LIMIT_S
+
+
+def test_a_folder_that_no_path_reaches_is_removed(scene: Scene) -> None:
+    """Deeper than a recursion or a path can follow."""
+    for name in ("nest 5,000 folders", "fill the disk below any path", "fill the disk in a locked folder"):
+        scene.attempt(name)
+    for folder in sorted(scene.folder.iterdir()):
+        if folder.name != "good":
+            remove_folder(folder)
+    assert [folder.name for folder in scene.folder.iterdir()] == ["good"]
 
 
 def test_a_fork_bomb_of_a_job_that_may_start_processes_is_ended(scene: Scene) -> None:

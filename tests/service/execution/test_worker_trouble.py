@@ -199,7 +199,7 @@ def test_a_cache_of_designs_that_is_away_costs_no_job(
         assert not task["design_known"] and not Path(task["design_cache"]).exists()
         return service.sandbox.succeed(task, on_progress, is_wanted)
 
-    monkeypatch.setattr(service.worker._designs, "fetch", fail)
+    monkeypatch.setattr(service.worker._tasks._designs, "fetch", fail)
     service.sandbox.act = act
     assert service.status(service.finished())["status"] == "successful"
 

@@ -2,7 +2,9 @@
 
 import ctypes
 import errno
+import fcntl
 import json
+import mmap
 import os
 import resource
 import signal
@@ -10,8 +12,11 @@ import socket
 import sqlite3
 import subprocess
 import threading
+import time
 from pathlib import Path
 
+STAY_S = 60.0  # that what it has taken stays taken; the service ends it before
+HAPPENED = "happened"
 LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -67,6 +72,62 @@ def make_many_files() -> None:
         Path(f"{number}").touch()
 
 
+def own_signals_of_a_pipe(pid: int) -> None:
+    """The kernel would send signals to that process in our name."""
+    fcntl.fcntl(os.pipe()[0], fcntl.F_SETOWN, pid)
+
+
+def share_memory() -> None:
+    """Of no file, but not private either."""
+    held = []
+    for _ in range(400):
+        held.append(mmap.mmap(-1, 1 << 20))
+        held[-1].write(bytes(range(256)) * 4096)
+    time.sleep(STAY_S)
+
+
+def write_mapped_files() -> None:
+    """Deleted and closed: only the mapping keeps them."""
+    LIBC.mmap.restype = ctypes.c_void_p
+    for _ in range(400):
+        with Path("hidden.bin").open("w+b") as file:
+            file.write(bytes(1 << 20))
+            file.flush()
+            if LIBC.mmap(None, ctypes.c_size_t(1 << 20), 3, 1, file.fileno(), ctypes.c_long(0)) in (-1, None):
+                raise OSError(ctypes.get_errno(), "mmap")
+        Path("hidden.bin").unlink()
+    time.sleep(STAY_S)
+
+
+def write_deep_files() -> None:
+    """Below the longest path that the system takes."""
+    for _ in range(30):
+        os.mkdir("d" * 200)  # noqa: PTH102 (in a folder without a path)
+        os.chdir("d" * 200)
+    write_files()
+
+
+def write_into_a_locked_folder() -> None:
+    """Files can be made there, but not listed."""
+    os.mkdir("locked", 0o300)  # noqa: PTH102 (its mode)
+    os.chdir("locked")
+    write_files()
+
+
+def write_sparse_files() -> None:
+    """They take no room until they are stored."""
+    for number in range(8):
+        with Path(f"{number}.bin").open("wb") as file:
+            file.truncate(1 << 29)
+
+
+def nest_folders() -> None:
+    for _ in range(5000):
+        os.mkdir("d")  # noqa: PTH102 (in a folder without a path)
+        os.chdir("d")
+    time.sleep(STAY_S)
+
+
 ATTEMPTS = {
     "read a blob": lambda task: Path(task["blob"]).read_bytes(),
     "list the data folder": lambda task: os.listdir(Path(task["blob"]).parent),  # noqa: PTH208
@@ -97,6 +158,7 @@ ATTEMPTS = {
     "become another user": lambda task: os.setuid(12345),
     "enter a namespace of its own": lambda task: checked(LIBC.unshare(0x10000000)),
     "mount a file system": lambda task: checked(LIBC.mount(b"none", b".", b"tmpfs", 0, None)),
+    "have the kernel signal another job": lambda task: own_signals_of_a_pipe(task["neighbour"]),
     "hide memory in a file": lambda task: os.memfd_create("hidden"),
     "start a program": lambda task: subprocess.run(["/bin/true"], check=True),
     "fork 10,000 times": lambda task: fork(10_000),
@@ -104,16 +166,21 @@ ATTEMPTS = {
     "fill the disk": lambda task: write_files(),
     "fill the disk with deleted files": lambda task: write_unlinked_files(),
     "make a million files": lambda task: make_many_files(),
+    "share memory with itself": lambda task: share_memory(),
+    "fill the disk with mapped files": lambda task: write_mapped_files(),
+    "fill the disk below any path": lambda task: write_deep_files(),
+    "fill the disk in a locked folder": lambda task: write_into_a_locked_folder(),
+    "leave sparse files": lambda task: write_sparse_files(),
+    "nest 5,000 folders": lambda task: nest_folders(),
 }
 
 
 def run(task, on_progress) -> None:
+    happened: dict[str, str] = {}
+    path = Path.cwd() / HAPPENED
     for name in task["attempts"]:
-        Path("happened").write_text(json.dumps({**happened(), name: attempt(name, task)}))
-
-
-def happened() -> dict[str, str]:
-    return json.loads(Path("happened").read_text()) if Path("happened").exists() else {}
+        happened[name] = attempt(name, task)
+        path.write_text(json.dumps(happened))
 
 
 def attempt(name: str, task) -> str:
