@@ -130,7 +130,7 @@ class Scaled(Victim):
 
     def __init__(self, folder: Path, server: Postgres, s3: S3) -> None:
         self._server, self._way = server, Switch(s3.endpoint)
-        self._ahead = {"worker-1": clock_ahead(CLOCK_AHEAD_S)}
+        self._ahead = {"worker-1": clock_ahead(CLOCK_AHEAD_S, folder)}
         self._scaled = ScaledService(
             folder,
             server,

@@ -3,8 +3,9 @@
 With a Docker engine by that; else by buildah and podman, on a base that debootstrap makes, or on `--base
 NAME` of their storage. Then: the container runs as an ordinary user on a read-only root, gets healthy,
 registers the demo over HTTP, keeps its jobs over a restart, refuses to listen without keys, and stops cleanly
-within ten seconds. Jobs are confined completely, and /version says so. The demo also goes through the compose
-file: its default profile, and `scale` with the servers of the tests. Last it prints what is in the image.
+within ten seconds. Jobs are confined completely: /version says so, and hostile jobs reach nothing. The demo
+also goes through the compose file: its default profile, and `scale` with the servers of the tests. Last it
+prints what is in the image.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import httpx
 from service.client.sync import Client
 from tests.image.compose import default_profile, scale_profile
 from tests.image.engine import IMAGE, Engine, works
+from tests.image.hostile import hostile_jobs
 from tests.support.storage import free_port
 
 CONTAINER, VOLUME = "cusp-image-test", "cusp-image-test"
@@ -31,14 +33,13 @@ SIZES = "du -sm /opt/cusp/lib/python3*/site-packages/* /usr | sort -rn | head -1
 
 def start(engine: Engine, port: int) -> None:
     """As the compose file does, but on the host's network: it needs no privilege to set one up."""
-    hardened = ["--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges"]
     where = [
         "--network=host",
         f"--env=CUSP_PORT={port}",
         "--env=CUSP_HOST=127.0.0.1",
         f"--volume={VOLUME}:/data",
     ]
-    engine.run("run", "--detach", "--name", CONTAINER, *engine.no_timer, *hardened, *where, IMAGE)
+    engine.run("run", "--detach", "--name", CONTAINER, *engine.no_timer, *engine.hardened, *where, IMAGE)
 
 
 def wait_ready(engine: Engine, client: Client) -> float:
@@ -151,6 +152,7 @@ def main() -> None:
         try:
             for what, words in check(engine, Path(folder)).items():
                 print(f"{what}: {words}", flush=True)
+            print(f"hostile jobs as user 10001: {hostile_jobs(engine, Path(folder))}", flush=True)
             print(f"compose, default profile: {default_profile(engine, Path(folder))}", flush=True)
             print(f"compose, scale profile: {scale_profile(engine, Path(folder))}", flush=True)
         except httpx.HTTPError as error:

@@ -43,6 +43,13 @@ class Engine:
         self.command = "docker" if has_docker else "podman"
         self.environment = dict(os.environ)
         self.no_timer: list[str] = []
+        #: As the compose file has it.
+        self.hardened = [
+            "--read-only",
+            "--tmpfs=/tmp",
+            "--cap-drop=ALL",
+            "--security-opt=no-new-privileges",
+        ]
         self.compose = ["docker", "compose"]
         if self.command == "podman":
             conf = folder / "containers.conf"
