@@ -9,6 +9,7 @@ import pytest
 from sqlalchemy import text
 
 from service.contract.schemas import Status
+from service.execution.results_outcome import MAX_RESULTS_BYTES, RESULTS_FILE
 from service.execution.sandbox import Outcome, SandboxError
 from service.jobs.models import MAX_CRASHES, now_ms
 from service.jobs.reaper import DEAD_AFTER_MS, LOST_AFTER_MS, Reaper
@@ -95,6 +96,18 @@ def test_a_job_cannot_publish_what_a_link_leads_to(service: Service, where: str,
         else:
             out.mkdir()
             (out / "results.json").symlink_to(tmp_path / "results.json")
+        return Outcome("done", None, 0.1, None)
+
+    service.sandbox.act = act
+    assert service.status(service.finished())["error"]["code"] == "job_crashed"
+
+
+def test_a_worker_reads_no_results_of_any_size(service: Service) -> None:
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
+        out = Path(task["out"])
+        out.mkdir()
+        with (out / RESULTS_FILE).open("wb") as file:
+            file.truncate(MAX_RESULTS_BYTES + 1)
         return Outcome("done", None, 0.1, None)
 
     service.sandbox.act = act
