@@ -6,6 +6,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -115,8 +116,7 @@ class Worker:
         waited_s = (time.time() * 1000 - row.created_ms) / 1000
         log.info("job starts", type=row.type, waited_s=round(waited_s, 2))
         try:
-            with Heartbeat(partial(self._jobs.beat, row.id, row.attempt)) as heart:
-                self._run_beating(row, folder, heart)
+            self._run_beating(row, folder, Heartbeat(partial(self._jobs.beat, row.id, row.attempt)))
         finally:
             self._remove(folder)
 
@@ -129,22 +129,28 @@ class Worker:
             log.error("the folder of a job is not removed", folder=folder.name, reason=str(error))
 
     def _run_beating(self, row: JobRow, folder: Path, heart: Heartbeat) -> None:
-        try:
-            outcome = self._compute(row, folder, heart)
-            self._conclude(row, folder, outcome, heart)
-        except SandboxError as error:
-            self.broken = error
-            self._stopping.set()
-            self._release(row)
-        except Exception as error:
-            if (unavailable := unavailable_dependency(error)) is not None:
-                log.warning("job released", unavailable=unavailable, reason=str(error)[:300])
+        with ExitStack() as until_the_end_is_told:
+            try:
+                until_the_end_is_told.enter_context(heart)
+                outcome = self._compute(row, folder, heart)
+                self._conclude(row, folder, outcome, heart)
+            except SandboxError as error:
+                self.broken = error
+                self._stopping.set()
                 self._release(row)
-                return
-            instance = f"urn:uuid:{uuid.uuid4()}"
-            log.exception("worker failed", instance=instance)
-            detail = f"an unexpected error in the worker; report it with the id {instance}"
-            self._fail(row, problem_of(InternalError(detail), instance=instance), heart)
+            except Exception as error:
+                self._end_by(error, row, heart)
+
+    def _end_by(self, error: Exception, row: JobRow, heart: Heartbeat) -> None:
+        """End a job whose worker met an error: in the queue if it may work later."""
+        if (unavailable := unavailable_dependency(error)) is not None:
+            log.warning("job released", unavailable=unavailable, reason=str(error)[:300])
+            self._release(row)
+            return
+        instance = f"urn:uuid:{uuid.uuid4()}"
+        log.error("worker failed", instance=instance, exc_info=error)
+        detail = f"an unexpected error in the worker; report it with the id {instance}"
+        self._fail(row, problem_of(InternalError(detail), instance=instance), heart)
 
     def _release(self, row: JobRow) -> bool:
         """Return the job to the queue, not counted as a crash; False if it belongs to another attempt.

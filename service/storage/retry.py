@@ -1,5 +1,5 @@
 """Retries for what is unavailable for a while: a database or an object store that restarts, a disk that is
-full.
+full, a machine without room for another thread or open file.
 
 No job fails for it. A worker waits until the dependency is back; the API answers `not_ready`.
 """
@@ -18,6 +18,8 @@ RETRY_LIMIT_S = 600.0
 PAUSE_S = 1.0
 DATABASE_UNAVAILABLE = (OperationalError, InterfaceError, PoolTimeout)
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+NO_ROOM = (errno.EAGAIN, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
+NO_THREAD = "can't start new thread"  # how CPython's RuntimeError begins
 Returned = TypeVar("Returned")
 log = structlog.get_logger()
 
@@ -30,6 +32,10 @@ def unavailable_dependency(error: BaseException) -> str | None:
         return None
     if isinstance(error, OSError) and error.errno in DISK_FULL:
         return "no room is left on the disk"
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno in NO_ROOM):
+        return "the machine has no room for another process, open file or allocation"
+    if isinstance(error, RuntimeError) and str(error).startswith(NO_THREAD):
+        return "the machine has no room for another thread"
     # While it streams, obstore raises an OSError without an error number.
     if isinstance(error, StoreError) or (isinstance(error, OSError) and error.errno in (None, errno.EIO)):
         return (
@@ -63,7 +69,7 @@ def retry_transient(call: Callable[[], Returned], *, is_wanted: Callable[[], boo
 def _log_retry(state: RetryCallState) -> None:
     error = None if state.outcome is None else state.outcome.exception()
     if error is not None:
-        reason = str(error).splitlines()[0][:300]
+        reason = (str(error) or type(error).__name__).splitlines()[0][:300]
         log.warning(
             "retry: a dependency is unavailable", unavailable=unavailable_dependency(error), reason=reason
         )

@@ -2,6 +2,7 @@
 nobody's files go.
 """
 
+import errno
 import threading
 import time
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from obstore.exceptions import GenericError
 from sqlalchemy.exc import OperationalError
 
 from service.contract.errors import JobCrashed, problem_of
+from service.execution.heartbeat import Heartbeat
 from service.execution.sandbox import Outcome
 from service.execution.worker import Worker
 from service.jobs.models import now_ms
@@ -175,6 +177,36 @@ def test_a_store_that_stays_away_has_the_job_wait_again(
     row = service.jobs.find(job_id)
     assert row is not None and (row.status, row.crashes) == ("accepted", 0)
     service.worker.run(job_id)  # the reaper adds another queue entry
+    assert service.status(job_id)["status"] == "successful"
+
+
+@pytest.mark.parametrize("what", ["fetch", "publish"])
+@pytest.mark.parametrize(
+    "error",
+    [
+        OSError(errno.EMFILE, "too many open files"),
+        BlockingIOError(errno.EAGAIN, "fork"),
+        MemoryError(),
+        RuntimeError("can't start new thread"),
+    ],
+)
+def test_a_machine_without_room_for_a_while_costs_no_job(
+    service: Service, monkeypatch: pytest.MonkeyPatch, what: str, error: Exception
+) -> None:
+    monkeypatch.setattr(service.blobs, what, failing_first(1, getattr(service.blobs, what), error))
+    status = service.status(service.finished())
+    assert (status["status"], status["attempt"]) == ("successful", 1)
+
+
+def test_a_job_without_a_thread_for_its_heartbeat_waits_again(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = failing_first(1, Heartbeat.__enter__, RuntimeError("can't start new thread"))
+    monkeypatch.setattr(Heartbeat, "__enter__", start)
+    job_id = service.finished()
+    row = service.jobs.find(job_id)
+    assert row is not None and (row.status, row.crashes) == ("accepted", 0)
+    service.worker.run(job_id)
     assert service.status(job_id)["status"] == "successful"
 
 
