@@ -15,7 +15,7 @@ from service.api.dependencies import Api, UseApi
 from service.api.etags import NOT_CHANGED, conditional_json
 from service.api.identity import Reads, Writes
 from service.api.intake import check_room, json_body
-from service.api.parameters import idempotency_header
+from service.api.parameters import Cursor, idempotency_header
 from service.api.problems import problems
 from service.auth.keys import Caller
 from service.contract.errors import BatchNotFound, UnsupportedMediaType
@@ -78,9 +78,7 @@ def list_batches(
         str | None, Query(max_length=200, pattern=NO_NUL, description="select by this value")
     ] = None,
     limit: Annotated[int, Query(ge=1, le=100, description="batches on a page")] = 20,
-    cursor: Annotated[
-        str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the previous page")
-    ] = None,
+    cursor: Cursor = None,
 ) -> BatchPage:
     """List batches, newest first."""
     rows, after = api.jobs.batches(caller.tenant, label, cursor, limit)

@@ -9,7 +9,7 @@ from pipeline import Decision, VerdictStatus
 from service.api.dependencies import UseApi
 from service.api.identity import Reads, Writes
 from service.api.intake import accept_job
-from service.api.parameters import JobId, idempotency_header
+from service.api.parameters import Cursor, JobId, idempotency_header
 from service.api.problems import problems
 from service.api.request_bodies import JOB_BODY
 from service.api.routes.job_status import RETRY_AFTER_S
@@ -87,9 +87,7 @@ def list_jobs(
         str | None, Query(max_length=36, pattern=NO_NUL, description="jobs of this batch")
     ] = None,
     limit: Annotated[int, Query(ge=1, le=1000, description="jobs on a page")] = 50,
-    cursor: Annotated[
-        str | None, Query(max_length=36, pattern=NO_NUL, description="`next` of the previous page")
-    ] = None,
+    cursor: Cursor = None,
 ) -> JobPage:
     """List jobs, newest first."""
     rows, after = api.jobs.page(
