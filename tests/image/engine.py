@@ -72,9 +72,10 @@ class Engine:
             env={**self.environment, **variables},
             cwd=ROOT,
             text=True,
-            stdout=subprocess.PIPE,
-            check=check,
+            capture_output=True,
         )
+        if check and done.returncode != 0:
+            raise SystemExit(f"{' '.join(words)}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
         return done.stdout.strip()
 
     def build(self, base: str | None) -> None:
