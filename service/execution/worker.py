@@ -212,7 +212,7 @@ class Worker:
         outcome = self._sandbox.run(f"{row.id}/{row.attempt}", task, on_progress, is_wanted)
         clock.end()
         self._count(row, task, outcome, clock)
-        if outcome.kind == "done":
+        if outcome.kind == "done" and _has_results(folder / "out"):  # so it is no link
             self._tasks.keep_design(row, task)
         return outcome
 

@@ -144,7 +144,10 @@ def test_another_tenants_job_is_not_there(service: Service, keys: KeyStore) -> N
             == other.get(f"/v1/jobs/{job_id}").json()["detail"]
         )
         assert other.get("/v1/jobs").json()["jobs"] == []
-        assert other.get("/v1/jobs", params={"cursor": "ffffffff-ffff-ffff-ffff-ffffffffffff"}).json()["jobs"] == []
+        assert (
+            other.get("/v1/jobs", params={"cursor": "ffffffff-ffff-ffff-ffff-ffffffffffff"}).json()["jobs"]
+            == []
+        )
         assert [job["id"] for job in own.get("/v1/jobs").json()["jobs"]] == [job_id]
 
 

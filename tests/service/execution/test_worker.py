@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import obstore
 import pytest
 from sqlalchemy import text
 
@@ -100,6 +101,20 @@ def test_a_job_cannot_publish_what_a_link_leads_to(service: Service, where: str,
 
     service.sandbox.act = act
     assert service.status(service.finished())["error"]["code"] == "job_crashed"
+
+
+def test_a_job_learns_no_names_that_a_link_leads_to(service: Service, tmp_path: Path) -> None:
+    """The names of the faces of a design are shown to the tenant whose job left them."""
+    (tmp_path / "design.brep_faces.csv").write_text("number,name\n0,bore of another tenant\n")
+
+    def act(task: dict[str, Any], on_progress: Any, is_wanted: Any) -> Outcome:
+        Path(task["out"]).symlink_to(tmp_path)
+        return Outcome("done", None, 0.1, None)
+
+    service.sandbox.act = act
+    service.finished()
+    stored = [entry["path"] for entries in obstore.list(service.blobs.store) for entry in entries]
+    assert [path for path in stored if path.endswith(".faces.json")] == []
 
 
 def test_a_worker_reads_no_results_of_any_size(service: Service) -> None:
