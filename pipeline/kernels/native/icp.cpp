@@ -85,7 +85,7 @@ class SampleTarget {
                     for (int k = 0; k < iterations; ++k) {
                         match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker],
                               pairs[worker]);
-                        motion = plane_step(pairs[worker], damping).after(motion);
+                        motion = plane_step(pairs[worker], damping, max_distance).after(motion);
                     }
                     match(points, normals, motion, normal_sign.data()[pose], rules, slots[worker],
                           pairs[worker]);
@@ -232,7 +232,7 @@ class SurfaceTarget {
                 if (std::count_if(pairs.begin(), pairs.end(), [](const auto& each) { return each.w > 0; }) <
                     min_pairs)
                     break;
-                const Motion step = plane_step(pairs, damping);
+                const Motion step = plane_step(pairs, damping, allowed);
                 motion = step.after(motion);
                 if (allowed == max_distance && rms_moved(pairs, step) < tolerance) converged[pose] = 1;
                 allowed = std::max(max_distance, decay * allowed);

@@ -8,6 +8,7 @@
 #include <exception>
 #include <functional>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -34,7 +35,7 @@ void for_each(int64_t count, int threads, const OnProgress& on_progress, Work&& 
     std::mutex mutex;
     std::condition_variable finished;
     std::exception_ptr failure;
-    int running = threads;
+    int running = 0;
     auto loop = [&](int worker) {
         try {
             while (!stop) {
@@ -54,7 +55,23 @@ void for_each(int64_t count, int threads, const OnProgress& on_progress, Work&& 
     };
     std::vector<std::jthread> pool;
     pool.reserve(static_cast<size_t>(threads));
-    for (int worker = 0; worker < threads; ++worker) pool.emplace_back(loop, worker);
+    const auto count_running = [&](int change) {
+        const std::lock_guard lock(mutex);
+        running += change;
+    };
+    for (int worker = 0; worker < threads; ++worker) {
+        count_running(1);
+        try {
+            pool.emplace_back(loop, worker);
+        } catch (const std::system_error&) {  // the machine has no room for it: fewer do the work
+            count_running(-1);
+            break;
+        }
+    }
+    if (pool.empty()) {
+        count_running(1);
+        loop(0);
+    }
     bool cancelled = false;
     {
         std::unique_lock lock(mutex);

@@ -34,9 +34,11 @@ inline std::array<double, 6> solve(std::array<std::array<double, 6>, 6> A, std::
 }
 
 // The motion that reduces sum w (n . (p - q))^2. Along unconstrained degrees of freedom it is zero, by
-// `damping` times the trace of the normal equations. Sums run in the order of the pairs.
-inline Motion plane_step(const std::vector<Correspondence>& pairs, double damping) {
-    constexpr double kTiny = 1e-300;
+// `damping` times the trace of the normal equations. Along one that is held by little but noise, a step could
+// lead far off the target: while it moves the points by more than `reach`, the damping grows (Levenberg). The
+// directions that the pairs do hold keep their share of the step. Sums run in the order of the pairs.
+inline Motion plane_step(const std::vector<Correspondence>& pairs, double damping, double reach) {
+    constexpr double kTiny = 1e-300, kGrowth = 10, kMaxDamping = 1;
     double total = 0;
     Vec centre{};
     for (const auto& each : pairs) {
@@ -45,9 +47,12 @@ inline Motion plane_step(const std::vector<Correspondence>& pairs, double dampin
     }
     for (double& each : centre) each /= std::max(total, kTiny);
     double spread = 0;
+    std::array<std::array<double, 3>, 3> moments{};  // sum w arm arm^T
     for (const auto& each : pairs) {
         const Vec arm = minus(each.p.data(), centre.data());
         spread += each.w * dot(arm, arm);
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) moments[i][j] += each.w * arm[i] * arm[j];
     }
     // Rotations in units of the RMS radius: a well-scaled system.
     const double scale = std::max(std::sqrt(spread / std::max(total, kTiny)), kTiny);
@@ -66,8 +71,26 @@ inline Motion plane_step(const std::vector<Correspondence>& pairs, double dampin
     }
     double trace = 0;
     for (int i = 0; i < 6; ++i) trace += A[i][i];
-    for (int i = 0; i < 6; ++i) A[i][i] += damping * trace + kTiny;
-    auto x = solve(A, b);
+    const auto damped = [&] {
+        auto D = A;
+        for (int i = 0; i < 6; ++i) D[i][i] += damping * trace + kTiny;
+        return solve(D, b);
+    };
+    auto x = damped();
+    // RMS motion of the points by x, to first order: that of w x arm is |w|^2 |arm|^2 - (w . arm)^2.
+    const auto length = [&] {
+        double turned = 0, shifted = 0;
+        for (int i = 0; i < 3; ++i) {
+            turned += spread * x[i] * x[i];
+            shifted += x[3 + i] * x[3 + i];
+            for (int j = 0; j < 3; ++j) turned -= x[i] * moments[i][j] * x[j];
+        }
+        return std::sqrt(std::max(0.0, turned) / (scale * scale * std::max(total, kTiny)) + shifted);
+    };
+    while (length() > reach && damping < kMaxDamping) {
+        damping *= kGrowth;
+        x = damped();
+    }
     for (int i = 0; i < 3; ++i) x[i] /= scale;
     Motion motion;
     motion.R = rotation_of({x[0], x[1], x[2]});

@@ -32,6 +32,7 @@ def test_steps_to_samples_are_those_of_numpy() -> None:
     target, source = sampling.on_surface(blob, 3000, 0), sampling.on_surface(blob, 400, 1)
     T = np.array([start(seed) for seed in range(4)])
     sign = np.array([1.0, 1.0, -1.0, 1.0])
+    lengths_mm = []
     found, cost = icp.Target(target.points, target.normals).refine_many(
         source.points, source.normals, T, sign, max_distance_mm=MAX_MM, iterations=3
     )
@@ -43,9 +44,12 @@ def test_steps_to_samples_are_those_of_numpy() -> None:
             distance, index = tree.query(moved)
             agree = (source.normals @ expected[:3, :3].T * target.normals[index]).sum(axis=1) > 0.5
             weights = ((distance < MAX_MM) & agree).astype(np.float64)
-            expected = step(moved, target.points[index], target.normals[index], weights) @ expected
+            motion = step(moved, target.points[index], target.normals[index], weights)
+            lengths_mm.append(rigid.rms_displacement(motion, np.eye(4), moved))
+            expected = motion @ expected
         np.testing.assert_allclose(found[pose], expected, atol=1e-6)
         assert cost[pose] < 0.1
+    assert max(lengths_mm) < MAX_MM  # so that no step is cut
     np.testing.assert_array_equal(found[2], T[2])  # flipped normals agree with none: nothing moves it
     assert cost[2] == MAX_MM**2
 
@@ -125,3 +129,32 @@ def test_icp_of_the_complete_shape_takes_the_steps_of_the_plain_method() -> None
     assert found.iterations == 12 and not found.converged
     soon = icp.complete_shape(points, weights, surface, max_iterations=500, tolerance_mm=0.01)
     assert soon.converged and soon.iterations < 500
+
+
+def tilted_plane(tilt: float) -> tuple[FloatArray, FloatArray]:
+    """Points of a plane of 40 mm with normals that lean by random angles (1 sigma, rad), as a mesh makes
+    them.
+    """
+    rng = np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(-20, 20, (4000, 2)), np.zeros(4000)])
+    normals = np.column_stack([rng.normal(0, tilt, (4000, 2)), np.ones(4000)])
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("tilt", [1e-5, 1e-4, 1e-3])
+def test_a_motion_that_only_noise_holds_leads_no_step_off_the_target(tilt: float) -> None:
+    """In the plane nothing holds the points but the lean of the normals: the least squares step is as long as
+    noise / (tilt * sqrt(points)), here up to 0.2 / (1e-5 * 12) = 1,700 mm.
+    """
+    points, normals = tilted_plane(tilt)
+    rng = np.random.default_rng(5)
+    source = np.column_stack([rng.uniform(-15, 15, (150, 2)), rng.normal(0, 0.2, 150)])
+    up = np.tile([0.0, 0.0, 1.0], (150, 1))
+    lifted = rigid.compose(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    (T,), (cost_mm2,) = icp.Target(points, normals).refine_many(
+        source, up, lifted[None], np.ones(1), max_distance_mm=MAX_MM, iterations=1
+    )
+    assert rigid.rms_displacement(T, lifted, source) <= MAX_MM
+    # what the plane does hold is found in that one step: the height, as well as noise allows
+    assert abs(rigid.transformed(T, source)[:, 2].mean()) < 5 * 0.2 / np.sqrt(150)
+    assert np.sqrt(cost_mm2) < 1.2 * 0.2
