@@ -30,7 +30,9 @@ def missing_patch(
     if scan.is_reconstructed:  # its sharp edges are cut by up to the length of an edge
         visible_mm = coarse_mm = max(coarse_mm, remesh.edge_mm(scan.surface.mesh, 0.5))
     visible = ~_in_cavity(working_design, design)
-    closest = scan.closest(working_design.vertices)
+    # A coarse working mesh leaves the design where that is fine; the scan need not follow it there.
+    on_design = design.closest(working_design.vertices)
+    closest = scan.closest(on_design.point)
     distance = np.where(visible, closest.distance, 0.0)
     mesh = scan.surface.mesh
     border_mm = border_length_mm(mesh.vertices, scan.surface.edges)
@@ -38,13 +40,12 @@ def missing_patch(
         areas_mm2, ends = working_design.vertex_areas_mm2(), topology.edges(working_design.faces).ends
 
         def patch_of(distances_mm: FloatArray) -> Patch | None:
-            on = (working_design.vertices, ends, areas_mm2, distances_mm)
+            on = (on_design.point, ends, areas_mm2, distances_mm)
             return off_patch(*on, coarse_mm, min_area_mm2, inlier_mm)
 
         if patch_of(distance) is None:
             return None
-        face = design.closest(working_design.vertices).face
-        explained = surfaces.explain_design(working_design.vertices, face, closest)
+        explained = surfaces.explain_design(on_design.point, on_design.face, closest)
         return patch_of(np.where(explained, 0.0, distance))
     patch = _seen_past(surfaces, working_design, visible_mm)
     min_seen_past_mm2 = DIFFERENCE.min_seen_past_share * float(design.mesh.face_areas_mm2().sum())

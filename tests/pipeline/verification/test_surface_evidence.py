@@ -51,6 +51,17 @@ def test_the_part_itself_differs_nowhere() -> None:
     assert found.scan_patch is None and found.design_patch is None
 
 
+def test_where_a_coarse_working_mesh_leaves_the_design_nothing_is_missing() -> None:
+    """As between parts that stand closer to each other than its edges are long."""
+    surface, of_clean = Surface(BLOB), np.arange(len(BLOB.vertices))
+    working = raised(-1.5, np.array([0.0, 0.6, 0.8]))
+    for scan, is_missing in ((BLOB, False), (working, True)):
+        fit = evaluate_fit(scan, scan.weights(), surface, np.eye(4), INLIER_MM)
+        placed = PlacedScan(scan, fit, 1.0, scan, of_clean, Surface(scan))
+        found = assess_surfaces(placed, surface, working, INLIER_MM, NOISE_MM).design_patch
+        assert (found is not None) == is_missing
+
+
 def test_a_bump_and_a_dent_are_found_where_they_are_with_their_side() -> None:
     direction = np.array([0.0, 0.6, 0.8])
     for height_mm in (1.5, -1.5):
