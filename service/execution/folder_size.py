@@ -13,6 +13,7 @@ from pathlib import Path
 from service.execution import process
 
 MAX_ENTRIES = 10_000  # of a folder; a job has some tens
+MAX_LOOKS = 5  # at a folder in which other folders vanish meanwhile; a job of ours hardly ever removes one
 MAX_PROCESSES = 64  # of a job that are looked at; the zygote ends one that has more than 16
 TOO_MUCH = 2**63  # bytes; more than any limit
 BLOCK_BYTES = 512  # unit of `st_blocks`
@@ -25,6 +26,20 @@ def used_bytes(folder: Path, pid: int | None) -> int:
 
     pid : of the job's process, if it lives
     """
+    for _ in range(MAX_LOOKS):
+        try:
+            total = _visible_bytes(folder)
+        except Vanished:
+            continue
+        return total if pid is None else total + _deleted_bytes(folder, pid)
+    return TOO_MUCH
+
+
+class Vanished(Exception):
+    """A folder was moved or removed while it was looked at; what it holds may have been missed."""
+
+
+def _visible_bytes(folder: Path) -> int:
     total = 0
     try:
         for count, status in enumerate(_entries(folder)):
@@ -34,30 +49,40 @@ def used_bytes(folder: Path, pid: int | None) -> int:
     except OSError as error:
         if error.errno in HIDDEN:
             return TOO_MUCH  # other errors are the disk's, not the job's
-    return total if pid is None else total + _deleted_bytes(folder, pid)
+    return total
 
 
 def _entries(folder: Path) -> Iterator[os.stat_result]:
     todo = [str(folder)]
     while todo:
-        with suppress(FileNotFoundError, NotADirectoryError), os.scandir(todo.pop()) as entries:
-            for entry in entries:
-                with suppress(FileNotFoundError):
-                    yield entry.stat(follow_symlinks=False)
-                    if entry.is_dir(follow_symlinks=False):
-                        todo.append(entry.path)
+        place = todo.pop()
+        try:
+            with os.scandir(place) as entries:
+                for entry in entries:
+                    with suppress(FileNotFoundError):
+                        yield entry.stat(follow_symlinks=False)
+                        if entry.is_dir(follow_symlinks=False):
+                            todo.append(entry.path)
+        except (FileNotFoundError, NotADirectoryError) as error:
+            if place == str(folder):
+                return
+            raise Vanished from error
 
 
 def _deleted_bytes(folder: Path, pid: int) -> int:
-    """Of files that have no name any more, but live on in a process."""
+    """Of files that have no name any more, but live on in a process. TOO_MUCH if one is mapped: no job of
+    ours needs that, and the size of what is mapped does not tell that of the file.
+    """
     sizes: dict[int, int] = {}  # by inode: the folder is on one file system
     for each in (pid, *process.descendants_of(pid, MAX_PROCESSES)):
-        for inode, size in (*_opened(each), *_mapped(each, folder)):
-            sizes[inode] = max(size, sizes.get(inode, 0))
+        if _maps_deleted_file(each, folder):
+            return TOO_MUCH
+        sizes.update(_opened(each))
     return sum(sizes.values())
 
 
 def _opened(pid: int) -> Iterator[tuple[int, int]]:
+    """Inode and size of each open file without a name."""
     with suppress(OSError):
         for fd in os.listdir(f"/proc/{pid}/fd"):  # noqa: PTH208 (names of no path)
             with suppress(OSError):
@@ -66,16 +91,9 @@ def _opened(pid: int) -> Iterator[tuple[int, int]]:
                     yield status.st_ino, max(status.st_size, status.st_blocks * BLOCK_BYTES)
 
 
-def _mapped(pid: int, folder: Path) -> Iterator[tuple[int, int]]:
-    """Inode and end of each part of a deleted file of the folder that is mapped."""
+def _maps_deleted_file(pid: int, folder: Path) -> bool:
     with suppress(OSError):
-        maps = Path(f"/proc/{pid}/maps").read_bytes()
-        if b" (deleted)\n" not in maps:
-            return
         own = os.fsencode(folder.resolve()) + b"/"
-        for line in maps.splitlines():
-            # from-to rights offset device inode path
-            span, _, offset, _, inode, *path = line.split(maxsplit=5)
-            if path and path[0].startswith(own) and path[0].endswith(b" (deleted)"):
-                begin, _, end = span.partition(b"-")
-                yield int(inode), int(offset, 16) + int(end, 16) - int(begin, 16)
+        maps = Path(f"/proc/{pid}/maps").read_bytes()
+        return any(own in line for line in maps.split(b"\n") if line.endswith(b" (deleted)"))
+    return False

@@ -6,7 +6,6 @@ the worker reads it after the kernel reported the end, with a limit on its size,
 
 import json
 import os
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.contract.errors import PROBLEM_CODES
 from service.contract.schemas import Problem
+from service.storage.regular_file import open_regular_file
 
 ANSWER_FILE = "answer.json"
 MAX_ANSWER_BYTES = 64 * 1024
@@ -76,18 +76,11 @@ def read_answer(folder: Path) -> JobAnswer | None:
 
 
 def read_regular_file(path: Path, max_bytes: int, *, end: bool = False) -> bytes | None:
-    """Up to `max_bytes` from the start or the end of a file that a job wrote; None if it is no regular file.
-
-    A link could lead to any file of this user, and opening a named pipe could wait forever.
-    """
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError:
+    """Up to `max_bytes` from the start or the end of a file that a job wrote; None if it is none."""
+    file = open_regular_file(path)
+    if file is None:
         return None
-    with os.fdopen(fd, "rb") as file:
-        known = os.fstat(fd)
-        if not stat.S_ISREG(known.st_mode):
-            return None
+    with file:
         if end:
-            file.seek(max(0, known.st_size - max_bytes))
+            file.seek(max(0, os.fstat(file.fileno()).st_size - max_bytes))
         return file.read(max_bytes)

@@ -102,8 +102,7 @@ class JobTasks:
         path = Path(task["design_cache"])
         try:
             self._faces.keep(row.tenant, row.inputs["design"], task["design"]["part"], Path(task["out"]))
-            if path.is_file() and not path.is_symlink():
-                self._designs.keep(path.stem, path)
+            self._designs.keep(path.stem, path)
         except Exception:
             log.exception("design model not cached")
 

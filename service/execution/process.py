@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import resource
 import signal
 from contextlib import suppress
@@ -10,6 +11,9 @@ from pathlib import Path
 PR_SET_PDEATHSIG = 1
 PR_SET_DUMPABLE = 4
 PR_SET_CHILD_SUBREAPER = 36
+_RESIDENT = re.compile(rb"^Rss(?:Anon|Shmem):\s+(\d+) kB$", re.MULTILINE)
+_ZOMBIE = re.compile(rb"^State:\s+Z", re.MULTILINE)
+_THREADS = re.compile(rb"^Threads:\s+(\d+)$", re.MULTILINE)
 OOM_SCORE_OF_JOBS = 900  # out of memory, the kernel kills a job before the service
 
 
@@ -65,8 +69,8 @@ def _children_by_search(parent_pid: int) -> list[int]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             with suppress(OSError, ValueError):
-                # pid (name) state ppid ...; the name may hold spaces and brackets
-                if int((entry / "stat").read_text().rpartition(")")[2].split()[1]) == parent_pid:
+                # pid (name) state ppid ...; the name may hold spaces, brackets, and bytes that are no text
+                if int((entry / "stat").read_bytes().rpartition(b")")[2].split()[1]) == parent_pid:
                     pids.append(int(entry.name))
     return pids
 
@@ -95,12 +99,22 @@ def resident_bytes(pid: int) -> int:
 
     File-backed pages (shared libraries) are not counted, so the same job counts the same in any process.
     """
+    return 1024 * sum(int(kib) for kib in _RESIDENT.findall(_status(pid)))
+
+
+def is_headless(pid: int) -> bool:
+    """True if the first thread of a process has ended and others go on: the kernel hides what those use."""
+    status = _status(pid)
+    threads = _THREADS.search(status)
+    return _ZOMBIE.search(status) is not None and threads is not None and int(threads[1]) > 1
+
+
+def _status(pid: int) -> bytes:
+    """Lines of facts; empty when it is gone. A process chooses its name: any bytes, but no end of a line."""
     try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+        return Path(f"/proc/{pid}/status").read_bytes()
     except OSError:
-        return 0
-    sizes = {name: size for name, _, size in (line.partition(":") for line in lines)}
-    return sum(int(sizes.get(name, "0 kB").split()[0]) * 1024 for name in ("RssAnon", "RssShmem"))
+        return b""
 
 
 def limit_address_space(extra_bytes: int) -> None:

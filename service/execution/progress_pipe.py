@@ -69,10 +69,12 @@ def _message(line: bytes) -> tuple[str, float, str] | None:
         return None
     try:
         stage, percent, text = json.loads(line)
-    except (ValueError, TypeError, RecursionError):
+        text.encode()  # half of a surrogate pair is text to JSON, and to no database
+        percent = float(percent)
+    except (ValueError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
     if not isinstance(stage, str) or stage not in STAGES or not isinstance(text, str):
         return None
-    if isinstance(percent, bool) or not isinstance(percent, int | float) or not math.isfinite(percent):
+    if not math.isfinite(percent):
         return None
-    return stage, min(max(float(percent), 0.0), 100.0), text[:MAX_MESSAGE].replace("\0", "")
+    return stage, min(max(percent, 0.0), 100.0), text[:MAX_MESSAGE].replace("\0", "")

@@ -1,13 +1,15 @@
 """What of results.json jobs are listed by: two words and a share."""
 
 import json
-import math
 from pathlib import Path
 from typing import TypedDict
 
+from service.execution.job_answer import read_regular_file
+
 RESULTS_FILE = "results.json"
-#: Of results.json, a file of the job's process that the worker reads whole; the largest of ours have 1 MiB.
-MAX_RESULTS_BYTES = 16 * 1024 * 1024
+#: Of results.json, a file of the job's process that the worker reads whole: nothing but brackets, it would
+#: take 100 MiB of memory. Ours have some 0.1 MiB.
+MAX_RESULTS_BYTES = 4 * 1024 * 1024
 
 
 class ResultsOutcome(TypedDict):
@@ -20,9 +22,10 @@ class ResultsOutcome(TypedDict):
 
 def outcome_of(results: Path) -> ResultsOutcome:
     """Read from results.json: a file of the job's process, so anything in it is checked."""
+    content = read_regular_file(results, MAX_RESULTS_BYTES + 1)
     try:
-        document = json.loads(results.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        document = None if content is None or len(content) > MAX_RESULTS_BYTES else json.loads(content)
+    except (ValueError, RecursionError):
         document = None
     return {
         "verdict": _word(document, "verdict", "status", 32),
@@ -42,4 +45,4 @@ def _share(document: object, block: str, name: str) -> float | None:
     value = part.get(name) if isinstance(part, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if math.isfinite(value) and 0 <= value <= 1 else None
+    return float(value) if 0 <= value <= 1 else None  # a NaN is not

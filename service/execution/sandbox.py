@@ -21,7 +21,7 @@ from service.contract.schemas import Problem
 from service.execution import process
 from service.execution.confinement.measures import Measures
 from service.execution.exit_reasons import explain_exit, no_process
-from service.execution.folder_size import used_bytes
+from service.execution.folder_watch import FolderWatch
 from service.execution.forked import TASK_FILE
 from service.execution.job_answer import JobAnswer, read_answer, read_regular_file
 from service.execution.job_limits import Limits
@@ -140,12 +140,15 @@ class Sandbox:
                 run = link.start(key, order, write_fd)
             finally:
                 os.close(write_fd)
+            watch = FolderWatch(folder, self._limits.disk_mib * MIB)
             try:
-                return self._follow(link, run, folder, ProgressReader(read_fd), on_progress, is_wanted)
+                progress = ProgressReader(read_fd)
+                return self._follow(link, run, folder, progress, watch, on_progress, is_wanted)
             except BaseException:
                 link.kill(key)  # a listener failed: nobody would stop the child
                 raise
             finally:
+                watch.close()
                 link.forget(run)
         finally:
             os.close(read_fd)
@@ -156,6 +159,7 @@ class Sandbox:
         run: Run,
         folder: Path,
         progress: ProgressReader,
+        watch: FolderWatch,
         on_progress: OnProgress,
         is_wanted: Callable[[], bool],
     ) -> Outcome | str:
@@ -184,7 +188,7 @@ class Sandbox:
                 looked_at = now
                 if not is_wanted():
                     killed_for = "unwanted"
-                elif used_bytes(folder, run.pid) > self._limits.disk_mib * MIB:
+                elif watch.is_over(run.pid):
                     killed_for = "disk"
             if killed_for is not None and not killed_at:
                 killed_at = now
@@ -197,10 +201,8 @@ class Sandbox:
                 process.kill_group(run.pid)
         else:
             self._report(progress, on_progress, is_killed=killed_for is not None)
-            is_own_end = killed_for is None and run.ended.get("by") is None
-            if is_own_end and used_bytes(folder, None) > self._limits.disk_mib * MIB:
-                # written since the last look: nothing of it may be stored
-                return Outcome("failed", explain_exit(None, "disk", None, self._limits), seconds, _peak(run))
+            if killed_for is None and run.ended.get("by") is None and watch.is_over_at_the_end():
+                killed_for = "disk"  # written since the last look: nothing of it may be stored
         return self._outcome(run, read_answer(folder), killed_for, seconds)
 
     @staticmethod
@@ -220,7 +222,8 @@ class Sandbox:
         peak_mib = _peak(run)
         if killed_for == "unwanted":
             return Outcome("unwanted", None, seconds, peak_mib)
-        by = ended.get("by")
+        # A limit that was noticed counts, although the process may have ended before it was killed.
+        by = killed_for or ended.get("by")
         if answer is not None and ended and by is None:
             if answer.problem is not None:
                 return Outcome("failed", answer.problem, seconds, peak_mib)
@@ -228,7 +231,7 @@ class Sandbox:
                 return Outcome("done", None, seconds, peak_mib)
         problem = explain_exit(
             ended.get("status"),
-            killed_for or by,
+            by,
             peak_mib,
             self._limits,
         )

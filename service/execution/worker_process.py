@@ -114,7 +114,8 @@ def run_worker(settings: ServiceSettings) -> int:
 
 def _clear(scratch: Path) -> None:
     """Make the folder of the folders of jobs, without what a worker left that was killed."""
-    scratch.mkdir(mode=0o700, parents=True, exist_ok=True)
+    scratch.mkdir(parents=True, exist_ok=True)
+    scratch.chmod(0o700)
     for left in scratch.iterdir():
         try:
             remove_folder(left)

@@ -31,6 +31,8 @@ from service.execution.confinement.confine import Confinement
 
 WATCH_INTERVAL_S = 0.05  # between checks of the children's memory
 MESSAGE_BYTES = 64 * 1024
+MAX_REAPED = 200  # children in one turn: a job that makes them without an end must not keep the zygote
+HEADLESS_S = 1.0  # how long the first thread of a job may have ended before the others; at its end some ms
 MAX_PROCESSES = 16  # of one job; a STEP is read in a second process, nothing needs a third
 MAX_THREADS = 512  # of one job; libraries start one for each core
 ORPHAN_INTERVAL_S = 0.002
@@ -44,6 +46,7 @@ class Child:
     key: str
     pid: int
     memory_limit_bytes: int
+    headless_since: float | None = None  # monotonic
     ended_by: str | None = None  # "kill", "memory" or "processes", when this process ended it
 
 
@@ -135,7 +138,7 @@ class Zygote:
         return [self._control.fileno(), self._wake_read, self._wake_write]
 
     def _reap(self) -> None:
-        while True:
+        for _ in range(MAX_REAPED):
             try:
                 # Kill the group before reaping: until then its number cannot be reused.
                 ended_child = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
@@ -180,10 +183,17 @@ class Zygote:
                 process.kill_group(child.pid)
 
     def _exceeded(self, child: Child) -> str | None:
-        others = process.descendants_of(child.pid, MAX_PROCESSES)
-        if len(others) >= MAX_PROCESSES or process.threads_of(child.pid) > MAX_THREADS:
+        own = (child.pid, *process.descendants_of(child.pid, MAX_PROCESSES))
+        if len(own) > MAX_PROCESSES or sum(process.threads_of(pid) for pid in own) > MAX_THREADS:
             return "processes"
-        used = sum(process.resident_bytes(pid) for pid in (child.pid, *others))
+        if any(process.is_headless(pid) for pid in own):
+            now = time.monotonic()
+            child.headless_since = child.headless_since or now
+            if now - child.headless_since > HEADLESS_S:
+                return "processes"
+        else:
+            child.headless_since = None
+        used = sum(process.resident_bytes(pid) for pid in own)
         return "memory" if used > child.memory_limit_bytes else None
 
     def _send(self, event: dict[str, Any]) -> None:

@@ -21,6 +21,7 @@ from obstore.store import LocalStore, ObjectStore, S3Store
 
 from pipeline import HEAD_BYTES
 from service.storage.durable import settle
+from service.storage.regular_file import open_regular_file
 
 if TYPE_CHECKING:
     from obstore import ObjectMeta  # exists for type checkers only
@@ -165,16 +166,20 @@ class BlobStore:
         Returns name, size, sha256 and media_type of each, `results.json` first, then by name.
         """
         entries: list[dict[str, str | int]] = []
-        paths = [path for path in islice(folder.iterdir(), MAX_FILES) if _is_publishable(path)]
+        paths = [path for path in islice(folder.iterdir(), MAX_FILES) if FILE_NAME.fullmatch(path.name)]
         for path in sorted(paths, key=lambda path: (path.name != "results.json", path.name)):
-            obstore.put(self._store, _file_key(job_id, attempt, path.name), path)
-            with path.open("rb") as file:
+            if (opened := open_regular_file(path)) is None:
+                continue
+            with opened as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
+                size = file.tell()
+                file.seek(0)
+                obstore.put(self._store, _file_key(job_id, attempt, path.name), file)
             media_type = MEDIA_TYPES.get(path.suffix) or mimetypes.guess_type(path.name)[0]
             entries.append(
                 {
                     "name": path.name,
-                    "size": path.stat().st_size,
+                    "size": size,
                     "sha256": digest,
                     "media_type": media_type or "application/octet-stream",
                 }
@@ -217,11 +222,6 @@ class BlobStore:
         """Ids of jobs with any stored file, published or not."""
         prefixes = obstore.list_with_delimiter(self._store, prefix="results")["common_prefixes"]
         return [path.rpartition("/")[2] for path in prefixes]
-
-
-def _is_publishable(path: Path) -> bool:
-    """True for a file of this job: a link could lead to the files of others."""
-    return FILE_NAME.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
 
 
 def _ms(entry: "ObjectMeta") -> float:

@@ -6,6 +6,7 @@ job also verifies the file that it gets, so a wrong key costs time but changes n
 
 import hashlib
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from obstore.store import ObjectStore
 
 import pipeline
 from service.storage.blobs import CHUNK_BYTES
+from service.storage.regular_file import open_regular_file
 
 PREFIX = "designs"
 MIB = 1024 * 1024
@@ -39,10 +41,13 @@ class DesignCache:
         return True
 
     def keep(self, name: str, path: Path) -> None:
-        """Store the file under `name`."""
-        if 0 < path.stat().st_size <= self._limit:
-            obstore.put(self._store, f"{PREFIX}/{name}", path)
-            self._make_room()
+        """Store the file, which a job left, under `name`; nothing if it is no regular one."""
+        if (opened := open_regular_file(path)) is None:
+            return
+        with opened as file:
+            if 0 < os.fstat(file.fileno()).st_size <= self._limit:
+                obstore.put(self._store, f"{PREFIX}/{name}", file)
+                self._make_room()
 
     def remove_older(self, before_ms: float) -> int:
         """Delete files older than `before_ms`. Returns how many."""

@@ -4,6 +4,7 @@ refused before its job is queued. A note that is lost costs nothing but that.
 
 import csv
 import hashlib
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from obstore.store import ObjectStore
 
 import pipeline
 from service.storage.design_cache import PREFIX
+from service.storage.regular_file import open_regular_file
 
 #: The table of faces that a job writes, and the largest that is read: it is a file of the child process.
 TABLE, MAX_TABLE_BYTES = "design.brep_faces.csv", 4 * 1024 * 1024
@@ -26,11 +28,13 @@ class DesignFaces:
 
     def keep(self, tenant: str, design: dict[str, Any], part: str | None, out: Path) -> None:
         """Note the faces of a design from the files of a job, where it has any. design : input of the job"""
-        table = out / TABLE
-        if not table.is_file() or table.is_symlink() or table.stat().st_size > MAX_TABLE_BYTES:
+        if (opened := open_regular_file(out / TABLE)) is None:
             return
-        with table.open(encoding="utf-8", newline="") as file:
-            names = [row.get("name") or "" for row in csv.DictReader(file)]
+        with opened as file:
+            table = file.read(MAX_TABLE_BYTES + 1)
+        if len(table) > MAX_TABLE_BYTES:
+            return
+        names = [row.get("name") or "" for row in csv.DictReader(io.StringIO(table.decode(), newline=""))]
         obstore.put(self._store, _key(tenant, design, part), json.dumps(names).encode())
 
     def names(self, tenant: str, design: dict[str, Any], part: str | None) -> list[str] | None:

@@ -17,22 +17,28 @@ _PR_SET_SECCOMP, _MODE_FILTER = 22, 2
 _PID_PLACEHOLDER = 0x0BADC0DE  # larger than any pid (at most 2^22)
 _INSTRUCTION = struct.Struct("=HBBI")  # sock_filter: code, jt, jf, k
 
-_CLONE_THREAD = 0x00010000
+_CLONE_VM, _CLONE_FILES, _CLONE_PTRACE, _CLONE_VFORK = 0x100, 0x400, 0x2000, 0x4000
+_CLONE_PARENT, _CLONE_THREAD = 0x8000, 0x00010000
 _CLONE_NAMESPACES = 0x7E020000  # CLONE_NEW*: cgroup, IPC, mount, network, PID, user, UTS
+_CLOSE_RANGE_UNSHARE = 2
 _IOCTLS = (0x5401, 0x5413, 0x541B, 0x5421, 0x5450, 0x5451)  # is it a terminal, its size; FIO*
 #: Copies of descriptors, their flags, locks and sizes of pipes: nothing that has the kernel send signals.
 _FCNTLS = (0, 1, 2, 3, 4, 5, 6, 7, 36, 37, 38, 1030, 1031, 1032)
 _PRCTLS = (15, 16, 0x53564D41)  # names of threads and of memory
 
 _FILES = """
-    read readv pread64 preadv preadv2 write writev pwrite64 pwritev pwritev2 open openat openat2 creat close
-    close_range lseek stat lstat fstat newfstatat statx statfs fstatfs access faccessat faccessat2 readlink
-    readlinkat getdents getdents64 getcwd chdir fchdir rename renameat renameat2 mkdir mkdirat rmdir unlink
-    unlinkat link linkat symlink symlinkat mknod mknodat truncate ftruncate fallocate fsync fdatasync
-    sync_file_range fadvise64 readahead copy_file_range sendfile utime utimes utimensat futimesat chmod fchmod
-    fchmodat fchmodat2 umask dup dup2 dup3 flock pipe pipe2 select pselect6 poll ppoll epoll_create
-    epoll_create1 epoll_ctl epoll_wait epoll_pwait epoll_pwait2 eventfd eventfd2
+    read readv pread64 preadv preadv2 write writev pwrite64 pwritev pwritev2 open openat openat2 creat
+    close lseek stat lstat fstat newfstatat statx statfs fstatfs access faccessat faccessat2 readlink
+    readlinkat getdents getdents64 getcwd chdir fchdir rename renameat renameat2 mkdir mkdirat rmdir
+    unlink unlinkat link linkat symlink symlinkat mknod mknodat truncate ftruncate fallocate fsync
+    fdatasync sync_file_range fadvise64 readahead copy_file_range sendfile fchmod umask dup dup2 dup3
+    flock pipe pipe2 select pselect6 poll ppoll epoll_create epoll_create1 epoll_ctl epoll_wait
+    epoll_pwait epoll_pwait2 eventfd eventfd2
 """
+#: Landlock does not govern the modes and times of files: these calls would reach every file of this user.
+#: Modes are not set, and are said to be, because a library that copies a file sets them last. Times are
+#: refused.
+_PRETENDED = "chmod fchmodat fchmodat2"
 _MEMORY = (
     "brk mmap munmap mprotect mremap madvise msync mincore membarrier get_mempolicy pkey_alloc pkey_free"
 )
@@ -50,7 +56,8 @@ _FACTS = """
     getpriority getrusage getrlimit times time gettimeofday clock_gettime clock_getres clock_nanosleep
     nanosleep sysinfo uname getrandom wait4 waitid
 """
-_PROCESSES = "fork vfork execve setsid"  # of jobs that need a second process; `clone` beside them
+#: Of jobs that need a second process; `clone` beside them. No `setsid`: the group of the job holds them all.
+_PROCESSES = "fork vfork execve"
 
 
 class _Comparison(ctypes.Structure):
@@ -117,10 +124,19 @@ def _add_rules(rules: _Rules, with_processes: bool) -> None:
     for names in (_FILES, _MEMORY, _THREADS, _SIGNALS, _FACTS, *([_PROCESSES] if with_processes else [])):
         for name in names.split():
             rules.add(name)
-    # glibc falls back to `clone`, whose flags can be seen.
+    for name in _PRETENDED.split():
+        rules.add(name, action=_ERRNO | 0)
+    # glibc falls back to `clone`, whose flags can be seen. A thread has the open files of its process: others
+    # would not be seen.
     rules.add("clone3", action=_ERRNO | errno.ENOSYS)
-    flags = (_CLONE_NAMESPACES, 0) if with_processes else (_CLONE_THREAD, _CLONE_THREAD)
-    rules.add("clone", _Comparison(0, _MASKED_EQUAL, *flags))
+    thread = _CLONE_THREAD | _CLONE_FILES
+    rules.add("clone", _Comparison(0, _MASKED_EQUAL, thread | _CLONE_NAMESPACES, thread))
+    rules.add("close_range", _Comparison(2, _MASKED_EQUAL, _CLOSE_RANGE_UNSHARE, 0))
+    if with_processes:
+        other = _CLONE_THREAD | _CLONE_NAMESPACES | _CLONE_PARENT | _CLONE_PTRACE | _CLONE_VM
+        rules.add("clone", _Comparison(0, _MASKED_EQUAL, other, 0))
+        vfork = _CLONE_VM | _CLONE_VFORK
+        rules.add("clone", _Comparison(0, _MASKED_EQUAL, other | _CLONE_VFORK, vfork))
     for request in _IOCTLS:
         rules.add("ioctl", _Comparison(1, _EQUAL, request))
     for command in _FCNTLS:

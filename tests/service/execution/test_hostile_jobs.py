@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
 
@@ -24,6 +25,7 @@ from tests.service.execution.misbehaving.hostile import ATTEMPTS
 pytestmark = pytest.mark.skipif(bool(available().missing), reason=f"this kernel: {available().missing}")
 #: Attempts that the zygote or the worker ends, and the code of the job then; the kernel refuses all others.
 PROCESSES = ["start a program", "fork 10,000 times"]
+APART = ["take a name that is no text", "start 900 threads in a second process"]  # tests of their own
 LIMIT_S = 120.0
 ENDED = {
     "fill the disk": "job_out_of_disk",
@@ -32,6 +34,7 @@ ENDED = {
     "fill the disk below any path": "job_out_of_disk",
     "make a million files": "job_out_of_disk",
     "nest 5,000 folders": "job_out_of_disk",
+    "end its first thread": "job_crashed",
     "leave sparse files": "job_out_of_disk",
     "share memory with itself": "job_out_of_memory",
     "fill the disk in a locked folder": "job_out_of_disk",
@@ -106,7 +109,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
 @pytest.mark.parametrize("with_processes", [False, True])
 def test_the_kernel_refuses_every_attempt(scene: Scene, with_processes: bool) -> None:
     """with_processes : as a job that reads a STEP, by a second process"""
-    names = [name for name in ATTEMPTS if name not in (*ENDED, *PROCESSES)]
+    names = [name for name in ATTEMPTS if name not in (*ENDED, *PROCESSES, *APART)]
     names += [] if with_processes else PROCESSES
     outcome, happened = scene.attempt(*names, with_processes=with_processes)
     assert outcome.kind == "done"
@@ -129,6 +132,15 @@ def test_a_folder_that_no_path_reaches_is_removed(scene: Scene) -> None:
         if folder.name != "good":
             remove_folder(folder)
     assert [folder.name for folder in scene.folder.iterdir()] == ["good"]
+
+
+def test_a_name_that_is_no_text_ends_nobody(scene: Scene) -> None:
+    assert scene.attempt(APART[0]) == (ANY, {APART[0]: "allowed"})
+
+
+def test_threads_of_a_second_process_count(scene: Scene) -> None:
+    outcome, _ = scene.attempt(APART[1], with_processes=True)
+    assert outcome.problem is not None and outcome.problem.code in ("job_crashed", "job_out_of_memory")
 
 
 def test_a_fork_bomb_of_a_job_that_may_start_processes_is_ended(scene: Scene) -> None:

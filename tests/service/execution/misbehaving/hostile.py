@@ -87,16 +87,62 @@ def share_memory() -> None:
 
 
 def write_mapped_files() -> None:
-    """Deleted and closed: only the mapping keeps them."""
+    """Deleted and closed: only the mapping of one page keeps each."""
     LIBC.mmap.restype = ctypes.c_void_p
     for _ in range(400):
         with Path("hidden.bin").open("w+b") as file:
             file.write(bytes(1 << 20))
             file.flush()
-            if LIBC.mmap(None, ctypes.c_size_t(1 << 20), 3, 1, file.fileno(), ctypes.c_long(0)) in (-1, None):
+            if LIBC.mmap(None, ctypes.c_size_t(4096), 3, 1, file.fileno(), ctypes.c_long(0)) in (-1, None):
                 raise OSError(ctypes.get_errno(), "mmap")
         Path("hidden.bin").unlink()
     time.sleep(STAY_S)
+
+
+def end_its_first_thread() -> None:
+    """The kernel then says nothing of what the others use."""
+
+    def hold() -> None:
+        held = [bytes(1 << 20) for _ in range(50)]
+        time.sleep(STAY_S)
+        held.clear()
+
+    threading.Thread(target=hold).start()
+    LIBC.syscall(60 if os.uname().machine == "x86_64" else 93, 0)
+
+
+def set_mode(path: str) -> None:
+    before = os.stat(path).st_mode  # noqa: PTH116
+    os.chmod(path, 0)  # noqa: PTH101
+    if os.stat(path).st_mode == before:  # noqa: PTH116
+        raise PermissionError(errno.EPERM, "nothing was changed")
+
+
+def leave_the_group() -> None:
+    """Of processes, which is killed as a whole."""
+    pid = os.fork()
+    if pid == 0:
+        try:
+            os.setsid()
+        except OSError:
+            os._exit(1)
+        os._exit(0)
+    if os.waitpid(pid, 0)[1] != 0:
+        raise PermissionError(errno.EPERM, "setsid")
+
+
+def start_threads_elsewhere() -> None:
+    threading.stack_size(65536)
+    LIBC.mallopt(-8, 1)  # M_ARENA_MAX: or they reach the limit of addresses
+    if os.fork() == 0:
+        start_threads(900)
+        time.sleep(STAY_S)
+    time.sleep(STAY_S)
+
+
+def take_a_name_that_is_no_text() -> None:
+    checked(LIBC.prctl(15, b"\xff\xfe\x1cRss", 0, 0, 0))
+    time.sleep(0.3)
 
 
 def write_deep_files() -> None:
@@ -158,6 +204,10 @@ ATTEMPTS = {
     "become another user": lambda task: os.setuid(12345),
     "enter a namespace of its own": lambda task: checked(LIBC.unshare(0x10000000)),
     "mount a file system": lambda task: checked(LIBC.mount(b"none", b".", b"tmpfs", 0, None)),
+    "change the mode of a blob": lambda task: set_mode(task["blob"]),
+    "change the times of a blob": lambda task: os.utime(task["blob"], (0, 0)),
+    "have a table of open files for one thread": lambda task: checked(LIBC.syscall(436, 900, 901, 2)),
+    "leave the group of the job": lambda task: leave_the_group(),
     "have the kernel signal another job": lambda task: own_signals_of_a_pipe(task["neighbour"]),
     "hide memory in a file": lambda task: os.memfd_create("hidden"),
     "start a program": lambda task: subprocess.run(["/bin/true"], check=True),
@@ -166,6 +216,9 @@ ATTEMPTS = {
     "fill the disk": lambda task: write_files(),
     "fill the disk with deleted files": lambda task: write_unlinked_files(),
     "make a million files": lambda task: make_many_files(),
+    "end its first thread": lambda task: end_its_first_thread(),
+    "take a name that is no text": lambda task: take_a_name_that_is_no_text(),
+    "start 900 threads in a second process": lambda task: start_threads_elsewhere(),
     "share memory with itself": lambda task: share_memory(),
     "fill the disk with mapped files": lambda task: write_mapped_files(),
     "fill the disk below any path": lambda task: write_deep_files(),
