@@ -7,12 +7,14 @@ from fastapi import APIRouter, FastAPI
 
 from service import version
 from service.api import problems
+from service.api.arriving import Arriving
 from service.api.batched import Batched
 from service.api.dependencies import Api
 from service.api.digests import DigestCheck
 from service.api.job_notices import change_notices
 from service.api.job_watch import JobWatch
 from service.api.middleware.body_limit import BodyLimit
+from service.api.middleware.disk_room import DiskRoom
 from service.api.middleware.gunzip import Gunzip
 from service.api.middleware.request_log import RequestLog
 from service.api.openapi import describe
@@ -28,6 +30,7 @@ from service.api.routes import (
     service,
 )
 from service.api.routes import jobs as job_routes
+from service.api.storage_room import check_disk
 from service.auth.keys import KeyStore
 from service.auth.rate_limit import Rates
 from service.jobs.metrics import Metrics
@@ -83,6 +86,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
                 watch,
                 Batched(keys.callers),
                 Batched(jobs.kept),
+                Arriving(),
             )
             yield
             await watch.close()
@@ -93,6 +97,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     problems.install(app)
     # middleware, innermost first
     app.add_middleware(DigestCheck)
+    app.add_middleware(DiskRoom, check=lambda: check_disk(app.state.api, 0))
     app.add_middleware(Gunzip, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(BodyLimit, max_bytes=settings.max_upload_mib * MIB)
     app.add_middleware(RequestLog)

@@ -5,6 +5,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from service.api.arriving import Arriving
 from service.api.batched import Batched
 from service.api.job_watch import JobWatch
 from service.auth.keys import Caller, KeyStore
@@ -37,6 +38,7 @@ class Api:
     watch: JobWatch
     callers: Batched[str, Caller]
     rows: Batched[str, JobRow]
+    arriving: Arriving
 
     def job(self, job_id: str, caller: Caller) -> JobRow:
         """The caller's job. Raises JobNotFound, also for a job of another tenant."""

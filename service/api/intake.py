@@ -20,7 +20,7 @@ from starlette.datastructures import FormData, UploadFile
 from pipeline import Characteristics, Reference, detect_format
 from service.api.dependencies import Api
 from service.api.known_faces import check_faces
-from service.api.storage_room import check_disk, check_quota
+from service.api.storage_room import CHECK_BYTES, check_disk, check_quota
 from service.api.webhook_options import check_webhook
 from service.auth.keys import Caller
 from service.contract.design_options import completed, known_blob
@@ -68,6 +68,7 @@ class Source:
     name: str
     file: IO[bytes]
     filename: str | None
+    size: int  # bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +115,22 @@ async def accept_blob(request: Request, api: Api, caller: Caller, filename: str 
     await run_in_threadpool(check_disk, api, size)
     await run_in_threadpool(check_quota, api, caller, size)
     writer = await run_in_threadpool(api.blobs.writer)
-    try:
-        async for chunk in request.stream():
-            if chunk:
-                await run_in_threadpool(writer.write, chunk)
-        upload = await run_in_threadpool(writer.finish)
-    except BaseException:
-        await run_in_threadpool(writer.abort)
-        raise
-    return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
+    with api.arriving.upload(caller.tenant) as arriving:
+        try:
+            checked = 0
+            async for chunk in request.stream():
+                if chunk:
+                    arriving.grow(len(chunk))
+                    await run_in_threadpool(writer.write, chunk)
+                    if arriving.size - checked >= CHECK_BYTES:
+                        checked = arriving.size
+                        await run_in_threadpool(check_quota, api, caller, 0)
+            await run_in_threadpool(check_quota, api, caller, 0)  # no length need be announced
+            upload = await run_in_threadpool(writer.finish)
+        except BaseException:
+            await run_in_threadpool(writer.abort)
+            raise
+        return (await run_in_threadpool(_keep, api, caller, {"blob": (upload, filename)}))["blob"]
 
 
 def _announced_bytes(request: Request) -> int:
@@ -145,8 +153,10 @@ def _from_form(api: Api, caller: Caller, form: FormData, key: str | None, size: 
     check_ceilings(options, api.settings.ceilings)
     check_webhook(options, api.guard)
     sources = [_source(form, name) for name in MESHES[job_type]]
-    check_room(api, caller, key, size)
-    blobs = _keep(api, caller, _received(api, sources))
+    with api.arriving.upload(caller.tenant) as arriving:
+        arriving.grow(max(size, sum(source.size for source in sources)))
+        check_room(api, caller, key)
+        blobs = _keep(api, caller, _received(api, sources))
     inputs = {source.name: {"blob": blobs[source.name].id, "filename": source.filename} for source in sources}
     return Submission(job_type, inputs, options, sent)
 
@@ -298,7 +308,7 @@ def _source(form: FormData, name: str) -> Source:
         )
     if not isinstance(given[0], UploadFile):
         raise wrong_part(name, f"must be a file, not text; with curl put @ before its name: -F {name}=@FILE")
-    return Source(name, given[0].file, given[0].filename or None)
+    return Source(name, given[0].file, given[0].filename or None, given[0].size or 0)
 
 
 def _text(form: FormData, name: str, default: str) -> str:
@@ -313,11 +323,11 @@ def _text(form: FormData, name: str, default: str) -> str:
         raise wrong_part(name, "must be UTF-8 text") from error
 
 
-def check_room(api: Api, caller: Caller, key: str | None, size: int = 0, count: int = 1) -> None:
+def check_room(api: Api, caller: Caller, key: str | None, count: int = 1) -> None:
     """Refuse a job beyond the queue limits or the quota. A repeated request starts none and is answered."""
     if key is not None and api.jobs.knows_key(caller.tenant, key):
         return
-    check_quota(api, caller, size)
+    check_quota(api, caller, 0)
     if api.jobs.count(Status.ACCEPTED, caller.tenant) + count > api.settings.tenant_queue_limit:
         raise TenantQueueFull(
             f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting, which is the limit; "

@@ -7,6 +7,8 @@ from service.auth.keys import Caller
 from service.contract.errors import QuotaExceeded, StorageFull
 from service.settings import MIB
 
+CHECK_BYTES = 8 * MIB  # of a body, between two checks while it arrives
+
 
 def check_disk(api: Api, size: int) -> None:
     """Raise StorageFull if `size` more bytes would leave less than the free space that is to be kept.
@@ -23,11 +25,11 @@ def check_disk(api: Api, size: int) -> None:
 
 
 def check_quota(api: Api, caller: Caller, size: int) -> None:
-    """Raise QuotaExceeded if `size` more bytes would exceed the quota of the tenant."""
+    """Raise QuotaExceeded if `size` more bytes, beside those that arrive, would exceed the quota."""
     quota = api.settings.tenant_quota_mib * MIB
     if not quota:
         return
-    used = api.jobs.stored_bytes(caller.tenant)
+    used = api.jobs.stored_bytes(caller.tenant) + api.arriving.of(caller.tenant)
     if used + size > quota:
         api.metrics.add({"cusp_uploads_refused": {"quota": 1}})
         raise QuotaExceeded(

@@ -1,13 +1,17 @@
 """A tenant stores no more than its quota, and no upload fills the disk."""
 
+import gzip
 import shutil
+import threading
 from collections import namedtuple
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from service.settings import MIB
-from tests.support.service import TRIANGLE_OBJ, Service, assert_problem
+from tests.support.service import TRIANGLE_OBJ, Service, assert_problem, http_client
 
 pytestmark = pytest.mark.storages
 LARGE = TRIANGLE_OBJ + b"#" * (600 * 1024)
@@ -40,6 +44,60 @@ def test_a_tenant_stores_no_more_than_its_quota(service: Service) -> None:
     assert service.http.get("/v1/limits").json()["tenant_stored_mib"] == pytest.approx(0.586, abs=0.001)
     limited(service, tenant_quota_mib=0)
     assert service.http.put("/v1/blobs", content=LARGE + b"#").status_code == 200
+
+
+def in_pieces(content: bytes) -> Iterator[bytes]:
+    """A body without `Content-Length`."""
+    for first in range(0, len(content), 50_000):
+        yield content[first : first + 50_000]
+
+
+def test_a_length_that_is_not_announced_counts(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    limited(service, tenant_quota_mib=1)
+    assert service.http.put("/v1/blobs", content=in_pieces(LARGE)).status_code == 200
+    before = sorted(service.settings.blob_dir.rglob("*")) if service.settings.is_embedded else []
+    for headers, body in (({}, LARGE + b"#"), ({"Content-Encoding": "gzip"}, gzip.compress(LARGE + b"#"))):
+        answer = service.http.put("/v1/blobs", content=in_pieces(body), headers=headers)
+        assert_problem(answer, 507, "quota_exceeded", "quota is 1")
+    after = sorted(service.settings.blob_dir.rglob("*")) if service.settings.is_embedded else []
+    assert after == before  # nothing is left of them
+    limited(service, tenant_quota_mib=0)
+    monkeypatch.setattr("service.api.middleware.disk_room.CHECK_BYTES", 100_000)
+    usage, looks = shutil.disk_usage(service.settings.data_dir), []
+
+    def filling(_: Path) -> Any:
+        looks.append(None)
+        return usage if len(looks) < 3 else usage._replace(free=0)
+
+    monkeypatch.setattr("service.api.storage_room.shutil.disk_usage", filling)
+    limited(service, min_free_disk_mib=1)
+    answer = service.http.put("/v1/blobs", content=in_pieces(LARGE + b"##"))
+    assert_problem(answer, 507, "storage_full", "0 MiB are free")
+
+
+def test_bytes_that_arrive_at_the_same_time_count(service: Service) -> None:
+    limited(service, tenant_quota_mib=1)
+    first, done = threading.Event(), threading.Event()
+
+    def slow() -> Iterator[bytes]:
+        yield LARGE
+        first.set()
+        done.wait(30)
+        yield b"#"
+
+    answers: list[int] = []
+    with http_client(str(service.http.base_url)) as other:
+        sending = threading.Thread(
+            target=lambda: answers.append(other.put("/v1/blobs", content=slow()).status_code)
+        )
+        sending.start()
+        first.wait(30)
+        answer = service.http.put("/v1/blobs", content=LARGE + b"##")
+        while answer.status_code == 200:  # the first had not arrived yet
+            answer = service.http.put("/v1/blobs", content=LARGE + b"##")
+        assert_problem(answer, 507, "quota_exceeded")
+        done.set()
+        sending.join(30)
 
 
 def test_results_count_and_a_removed_job_gives_its_room_back(service: Service) -> None:
