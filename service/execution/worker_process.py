@@ -79,7 +79,7 @@ def run_worker(settings: ServiceSettings) -> int:
     tasks = JobTasks(jobs, blobs, designs, fetcher, letterhead)
     worker = Worker(settings.worker_id, jobs, blobs, tasks, sandbox, scratch, metrics)
     queue = DbosQueue(settings.queue)
-    reaper = Reaper(jobs, queue)
+    reaper = Reaper(jobs, queue, clock_may_jump=settings.is_embedded)
     reaper.at_start(settings.worker_id)
     runner = DbosRunner(settings.queue, settings.worker_id, settings.jobs, worker.run)
     runner.start()

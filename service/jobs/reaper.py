@@ -19,8 +19,12 @@ log = structlog.get_logger()
 class Reaper:
     """Call `at_start` before the worker takes entries, and `sweep` every few seconds after."""
 
-    def __init__(self, jobs: JobStore, queue: Queue) -> None:
-        self._jobs, self._queue = jobs, queue
+    def __init__(self, jobs: JobStore, queue: Queue, *, clock_may_jump: bool = False) -> None:
+        """clock_may_jump : the clock of the jobs is that of this machine, which can be set: then a worker is
+        dead only when a second sweep finds no newer heartbeat
+        """
+        self._jobs, self._queue, self._clock_may_jump = jobs, queue, clock_may_jump
+        self._silent: dict[str, int | None] = {}  # heartbeats of jobs that the last sweep found silent
 
     def at_start(self, worker_id: str) -> None:
         """Reassign what this worker ran when it died; DBOS recovers the queue entries at its launch."""
@@ -30,9 +34,17 @@ class Reaper:
     def sweep(self) -> None:
         """One pass over all running and waiting jobs."""
         since_ms = self._jobs.now_ms() - DEAD_AFTER_MS
+        before, self._silent = self._silent, {}
+
+        def is_lost(row: JobRow) -> bool:
+            if (row.heartbeat_ms or 0) >= since_ms:
+                return False
+            self._silent[row.id] = row.heartbeat_ms
+            return not self._clock_may_jump or before.get(row.id, -1) == row.heartbeat_ms
+
         for job_id in self._jobs.orphans(silent_since_ms=since_ms):
-            if (row := self._reassign(job_id, lambda row: (row.heartbeat_ms or 0) < since_ms)) is not None:
-                self._requeue(row.id, row.rank)
+            if (lost := self._reassign(job_id, is_lost)) is not None:
+                self._requeue(lost.id, lost.rank)
         waiting = self._jobs.waiting_since(self._jobs.now_ms() - LOST_AFTER_MS)
         if not waiting:
             return

@@ -102,29 +102,44 @@ class Deliveries:
         *,
         without: Sequence[str] = (),
         room: Callable[[str], int] | None = None,
+        tenant_room: Callable[[str], int] | None = None,
     ) -> list[DeliveryRow]:
         """Up to `limit` messages that are due; no other sender gets them for `LEASE_MS`.
 
-        Receivers take turns: the oldest message of each comes first, then the second of each.
-        without : receivers that get nothing now; room : how many messages a receiver may get, None: any
+        Tenants take turns, and so do the receivers of each: the oldest message of each comes first, then the
+        second of each. One name has any number of receivers, so their turns alone would help nobody.
+        without : receivers that get nothing now; room, tenant_room : how many messages a receiver, and all
+        receivers of a tenant, may get, None: any
         """
         now = self._clock_ms()
         turn = func.row_number().over(
-            partition_by=DeliveryRow.receiver, order_by=(DeliveryRow.next_ms, DeliveryRow.id)
+            partition_by=(DeliveryRow.tenant, DeliveryRow.receiver),
+            order_by=(DeliveryRow.next_ms, DeliveryRow.id),
         )
-        due = select(DeliveryRow.id, DeliveryRow.receiver, DeliveryRow.next_ms, turn.label("turn")).where(
-            DeliveryRow.state == DeliveryState.WAITING,
-            DeliveryRow.next_ms <= now,
-            DeliveryRow.receiver.not_in(without),
+        columns = (DeliveryRow.id, DeliveryRow.tenant, DeliveryRow.receiver, DeliveryRow.next_ms)
+        due = (
+            select(*columns, turn.label("turn"))
+            .where(
+                DeliveryRow.state == DeliveryState.WAITING,
+                DeliveryRow.next_ms <= now,
+                DeliveryRow.receiver.not_in(without),
+            )
+            .subquery()
         )
-        ranked = due.subquery()
-        candidates = select(ranked.c.id, ranked.c.receiver).order_by(
-            ranked.c.turn, ranked.c.next_ms, ranked.c.id
+        of_tenant = func.row_number().over(
+            partition_by=due.c.tenant, order_by=(due.c.turn, due.c.next_ms, due.c.id)
+        )
+        ranked = select(due, of_tenant.label("of_tenant")).subquery()
+        candidates = select(ranked.c.id, ranked.c.tenant, ranked.c.receiver).order_by(
+            ranked.c.of_tenant, ranked.c.turn, ranked.c.next_ms, ranked.c.id
         )
         taken: list[DeliveryRow] = []
         with self._session.begin() as session:
-            for each, receiver in session.execute(candidates.limit(limit)).all():
+            for each, tenant, receiver in session.execute(candidates.limit(limit)).all():
                 if room is not None and sum(row.receiver == receiver for row in taken) >= room(receiver):
+                    continue
+                of_tenant_taken = sum(row.tenant == tenant for row in taken)
+                if tenant_room is not None and of_tenant_taken >= tenant_room(tenant):
                     continue
                 mine = (
                     update(DeliveryRow)

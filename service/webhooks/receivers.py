@@ -1,5 +1,5 @@
-"""Turns between the receivers of messages: none takes all senders, and one that fails is left alone for a
-while.
+"""Turns between the receivers of messages and between tenants: none takes all senders, and a receiver that
+fails is left alone for a while.
 
 A circuit breaker: after FAILURES_TO_OPEN failed attempts in a row nothing is sent to a receiver for a pause
 that doubles with each further failure; then one message at a time, until one is accepted. Its messages stay
@@ -8,10 +8,13 @@ due, and the pause costs none of their attempts.
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 MAX_PER_RECEIVER = 2  # messages that are sent to one receiver at the same time
+SENDERS = 8  # messages that are sent at the same time,
+MAX_PER_TENANT = SENDERS - 1  # and of one tenant: a place stays for the others
 FAILURES_TO_OPEN = 5
 FIRST_PAUSE_S = 30.0
 MAX_PAUSE_S = 600.0
@@ -30,6 +33,7 @@ class Receivers:
 
     clock: Callable[[], float] = time.monotonic
     _known: dict[str, _Receiver] = field(default_factory=dict)
+    _of_tenant: Counter[str] = field(default_factory=Counter)  # in flight
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def without_room(self) -> list[str]:
@@ -42,14 +46,21 @@ class Receivers:
         with self._lock:
             return self._room(name)
 
-    def begin(self, name: str) -> None:
+    def tenant_room(self, tenant: str) -> int:
+        """How many more messages may be sent for the tenant now."""
+        with self._lock:
+            return MAX_PER_TENANT - self._of_tenant[tenant]
+
+    def begin(self, name: str, tenant: str) -> None:
         """Take a place for one message."""
         with self._lock:
+            self._of_tenant[tenant] += 1
             self._known.setdefault(name, _Receiver()).in_flight += 1
 
-    def end(self, name: str, *, is_failure: bool) -> None:
+    def end(self, name: str, tenant: str, *, is_failure: bool) -> None:
         """Give the place back, and note how the attempt ended."""
         with self._lock:
+            self._of_tenant[tenant] -= 1
             known = self._known[name]
             known.in_flight -= 1
             known.failures = known.failures + 1 if is_failure else 0

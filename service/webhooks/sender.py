@@ -14,10 +14,9 @@ from service.jobs.deliveries import DeliveryRow
 from service.jobs.models import now_ms
 from service.webhooks.http_client import Poster
 from service.webhooks.outbox import Deliveries
-from service.webhooks.receivers import Receivers
+from service.webhooks.receivers import SENDERS, Receivers
 
 POLL_INTERVAL_S = 0.5
-SENDERS = 8
 log = structlog.get_logger()
 
 
@@ -67,12 +66,17 @@ class Sender:
         taken: list[DeliveryRow] = []
         try:
             if free:
-                taken = self.deliveries.take(free, without=receivers.without_room(), room=receivers.room)
+                taken = self.deliveries.take(
+                    free,
+                    without=receivers.without_room(),
+                    room=receivers.room,
+                    tenant_room=receivers.tenant_room,
+                )
         finally:
             for _ in range(free - len(taken)):
                 busy.release()
         for row in taken:
-            receivers.begin(row.receiver)
+            receivers.begin(row.receiver, row.tenant)
             pool.submit(self._send_and_release, row, busy, receivers, wake)
 
     def _send_and_release(
@@ -84,7 +88,7 @@ class Sender:
         except Exception:
             log.exception("result of a webhook not stored", job_id=row.job_id, message=row.id)
         finally:
-            receivers.end(row.receiver, is_failure=is_failure)
+            receivers.end(row.receiver, row.tenant, is_failure=is_failure)
             busy.release()
             wake.set()
 

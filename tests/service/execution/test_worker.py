@@ -239,6 +239,24 @@ def test_a_silent_workers_job_is_handed_on(service: Service, monkeypatch: pytest
     assert service.waiting == [job_id]
 
 
+def test_a_clock_that_is_set_forward_takes_no_worker_for_dead(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job_id = service.submitted()
+    row = service.jobs.claim(job_id, "worker-2")
+    assert row is not None
+    reaper = Reaper(service.jobs, service.queue, clock_may_jump=True)
+    age(service, monkeypatch, DEAD_AFTER_MS + 60_000)  # before the next heartbeat
+    for _ in range(2):
+        reaper.sweep()
+        assert service.status(job_id)["status"] == "running"
+        time.sleep(0.002)
+        assert service.jobs.beat(job_id, row.attempt)
+    for expected in ("running", "accepted"):  # no heartbeat any more
+        reaper.sweep()
+        assert service.status(job_id)["status"] == expected
+
+
 def test_one_bad_row_hides_no_other_and_stops_no_start(service: Service) -> None:
     """Damaged by hand, or of a later version: the others are handed on, and the start goes on."""
     bad, good = service.submitted(), service.submitted()

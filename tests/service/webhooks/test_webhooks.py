@@ -18,11 +18,17 @@ from service.cli.main import app as cli
 from service.contract.errors import JobCrashed, problem_of
 from service.contract.schemas import DeliveryState
 from service.jobs.deliveries import DeliveryRow, receiver_of
-from service.jobs.models import now_ms
+from service.jobs.models import new_id, now_ms
 from service.jobs.store import JobStore
 from service.webhooks.http_client import TOTAL_S, Poster
 from service.webhooks.outbox import BACK_OFF_S, LEASE_MS, Answer, Deliveries
-from service.webhooks.receivers import FAILURES_TO_OPEN, FIRST_PAUSE_S, MAX_PER_RECEIVER, Receivers
+from service.webhooks.receivers import (
+    FAILURES_TO_OPEN,
+    FIRST_PAUSE_S,
+    MAX_PER_RECEIVER,
+    MAX_PER_TENANT,
+    Receivers,
+)
 from service.webhooks.sender import Sender
 from tests.support.receiver import Receiver, Trickle
 from tests.support.service import Service, assert_problem
@@ -233,19 +239,19 @@ class SlowFor(Poster):
 
     def post(self, url: str, headers: Any, body: bytes) -> Answer:
         self.posted.append(url)
-        if url.startswith(self._slow):
+        if self._slow in url:
             self.goes_on.wait(60)
         return Answer(204, None, 0.0)
 
 
-def store_messages(engine: Engine, urls: list[str]) -> None:
+def store_messages(engine: Engine, urls: list[str], tenant: str = "default") -> None:
     with Session(engine) as session, session.begin():
         for number, url in enumerate(urls):
             session.add(
                 DeliveryRow(
-                    id=f"msg_{number:05}",
+                    id=f"msg_{new_id()}",
                     job_id="job",
-                    tenant="default",
+                    tenant=tenant,
                     url=url,
                     receiver=receiver_of(url),
                     event="job.failed",
@@ -277,25 +283,50 @@ def test_one_slow_receiver_starves_no_other(engine: Engine) -> None:
         thread.join()
 
 
+def test_a_tenant_of_many_receivers_starves_no_other_tenant(engine: Engine) -> None:
+    """A wildcard name has any number of receivers."""
+    store_messages(engine, [f"https://{number}.slow.example/hook" for number in range(100)])
+    store_messages(engine, ["https://fast.example/hook"] * 3, tenant="acme")
+    deliveries = Deliveries(engine)
+    assert [row.tenant for row in deliveries.take(8)].count("acme") == 3
+    # a tenant whose receivers are all slow leaves a place
+    poster, stop = SlowFor("slow.example"), threading.Event()
+    thread = threading.Thread(target=Sender(deliveries, poster).run, args=(stop,))
+    thread.start()
+    try:
+        deadline = time.monotonic() + 30
+        while len(poster.posted) < MAX_PER_TENANT:
+            assert time.monotonic() < deadline, poster.posted
+            time.sleep(0.02)
+        store_messages(engine, ["https://fast.example/late"], tenant="acme")
+        while "https://fast.example/late" not in poster.posted:
+            assert time.monotonic() < deadline, poster.posted
+            time.sleep(0.02)
+    finally:
+        stop.set()
+        poster.goes_on.set()
+        thread.join()
+
+
 def test_a_receiver_that_fails_is_left_alone_for_a_while() -> None:
     now = [0.0]
     receivers = Receivers(lambda: now[0])
     for _ in range(FAILURES_TO_OPEN):
         assert receivers.room("a") == MAX_PER_RECEIVER
-        receivers.begin("a")
-        receivers.end("a", is_failure=True)
+        receivers.begin("a", "default")
+        receivers.end("a", "default", is_failure=True)
     assert (receivers.room("a"), receivers.without_room()) == (0, ["a"])
     assert receivers.room("b") == MAX_PER_RECEIVER
     now[0] += FIRST_PAUSE_S
     assert receivers.room("a") == 1  # one is tried
-    receivers.begin("a")
+    receivers.begin("a", "default")
     assert receivers.room("a") == 0
-    receivers.end("a", is_failure=True)
+    receivers.end("a", "default", is_failure=True)
     now[0] += FIRST_PAUSE_S
     assert receivers.room("a") == 0  # the pause has doubled
     now[0] += FIRST_PAUSE_S
-    receivers.begin("a")
-    receivers.end("a", is_failure=False)
+    receivers.begin("a", "default")
+    receivers.end("a", "default", is_failure=False)
     assert (receivers.room("a"), receivers.without_room()) == (MAX_PER_RECEIVER, [])
 
 
