@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from pipeline import Reference
 from service.api.dependencies import Api
-from service.api.intake import check_mesh, check_room, identity_of, with_design
+from service.api.intake import check_mesh, check_room, identity_of, queue_limits, with_design
 from service.api.known_faces import check_faces
 from service.api.webhook_options import check_webhook_url
 from service.auth.keys import Caller
@@ -54,7 +54,7 @@ def accept_batch(api: Api, caller: Caller, body: bytes, key: str | None) -> Batc
     )
     shared = options.model_dump(mode="json")
     jobs = [_job(caller, number, design, each, options, shared) for number, each in enumerate(request.scans)]
-    stored = api.jobs.add_batch(batch, jobs, key, sha256)
+    stored = api.jobs.add_batch(batch, jobs, key, sha256, queue_limits(api))
     if stored is None:
         raise IdempotencyMismatch(f"Idempotency-Key {key!r}: it was used for another request; use a new key")
     log.info("batch accepted", batch_id=stored.id, scans=stored.total, label=stored.label)

@@ -52,7 +52,8 @@ SERVICE_ERRORS: list[ServiceError] = [
         "5000 requests of this tenant are already waiting for jobs; poll without `wait`, or use webhooks"
     ),
     errors.TenantQueueFull(
-        "15000 jobs of this tenant are waiting, which is the limit; send the job again when some have ended"
+        "a tenant may have 15000 jobs that wait, and with this there would be more; send it again when "
+        "some have ended"
     ),
     errors.UnknownBlob(f"design: no blob {BLOB_ID} is stored; send it by PUT /v1/blobs first"),
     errors.MeshNotFetched(
@@ -105,7 +106,7 @@ SERVICE_ERRORS: list[ServiceError] = [
         "too little room on the data volume of the service: 871 MiB are free, and 1024 MiB must stay free; "
         "send it again later, or tell the operator"
     ),
-    errors.QueueFull("20000 jobs are waiting, which is the limit; send the job again later"),
+    errors.QueueFull("20000 jobs may wait, and with this there would be more; send it again later"),
     errors.NotReady("no worker is running; jobs are accepted, and wait until one starts"),
     errors.InternalError(f"an unexpected error; report it with the id {INSTANCE}"),
     errors.JobCrashed(

@@ -28,8 +28,6 @@ from service.contract.errors import (
     IdempotencyMismatch,
     InvalidRequest,
     PayloadTooLarge,
-    QueueFull,
-    TenantQueueFull,
     UnknownBlob,
     UnsupportedMediaType,
 )
@@ -48,6 +46,7 @@ from service.contract.schemas import (
     StudyRequest,
     UrlRef,
 )
+from service.jobs.admission import QueueLimits
 from service.jobs.models import JobRow, new_id
 from service.storage.blobs import Upload
 from service.webhooks.address_guard import ForbiddenAddress
@@ -221,9 +220,9 @@ def _store(api: Api, caller: Caller, key: str | None, submission: Submission) ->
         progress=0.0,
     )
     if key is None:
-        api.jobs.add(row)
+        api.jobs.add(row, queue_limits(api))
     else:
-        stored = api.jobs.add_once(row, key, submission.sha256())
+        stored = api.jobs.add_once(row, key, submission.sha256(), queue_limits(api))
         if stored is None:
             raise IdempotencyMismatch(
                 f"Idempotency-Key {key!r}: it was used for a job with other meshes or options; use a new key"
@@ -328,15 +327,13 @@ def check_room(api: Api, caller: Caller, key: str | None, count: int = 1) -> Non
     if key is not None and api.jobs.knows_key(caller.tenant, key):
         return
     check_quota(api, caller, 0)
-    if api.jobs.count(Status.ACCEPTED, caller.tenant) + count > api.settings.tenant_queue_limit:
-        raise TenantQueueFull(
-            f"{api.settings.tenant_queue_limit} jobs of this tenant are waiting, which is the limit; "
-            "send the job again when some have ended"
-        )
-    if api.jobs.count(Status.ACCEPTED) + count > api.settings.queue_limit:
-        raise QueueFull(
-            f"{api.settings.queue_limit} jobs are waiting, which is the limit; send the job again later"
-        )
+    waiting = (api.jobs.count(Status.ACCEPTED, caller.tenant), api.jobs.count(Status.ACCEPTED))
+    queue_limits(api).check(*(each + count for each in waiting))
+
+
+def queue_limits(api: Api) -> QueueLimits:
+    """Those of the settings."""
+    return QueueLimits(api.settings.tenant_queue_limit, api.settings.queue_limit)
 
 
 async def json_body(request: Request, max_bytes: int = MAX_TEXT_BYTES) -> bytes:

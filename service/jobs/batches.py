@@ -9,6 +9,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.contract.schemas import Batch, BatchLinks, DeliveryState, Status
+from service.jobs.admission import QueueLimits, begin_admission, end_admission
 from service.jobs.deliveries import DeliveryRow, receiver_of
 from service.jobs.metrics import count
 from service.jobs.models import Base, IdempotencyRow, JobRow, new_id
@@ -42,9 +43,14 @@ class BatchRecords(TableAccess):
     """Batches and their jobs."""
 
     def add_batch(
-        self, batch: BatchRow, jobs: Sequence[JobRow], key: str | None, request_sha256: str
+        self,
+        batch: BatchRow,
+        jobs: Sequence[JobRow],
+        key: str | None,
+        request_sha256: str,
+        limits: QueueLimits | None = None,
     ) -> BatchRow | None:
-        """Store a batch with its jobs, all or none.
+        """Store a batch with its jobs, all or none. Raises as QueueLimits.check.
 
         Returns the existing batch if the client's idempotency key belongs to one; None if it belongs to
         another request.
@@ -53,6 +59,7 @@ class BatchRecords(TableAccess):
         batch.created_ms, batch.unfinished = now, len(jobs)
         try:
             with self._session.begin() as session:
+                begin_admission(session)
                 if key is not None:
                     session.add(
                         IdempotencyRow(
@@ -66,6 +73,7 @@ class BatchRecords(TableAccess):
                     session.flush()  # the key first: of two requests at once the second fails here
                 session.add(batch)
                 _add_jobs(session, jobs, batch, now)
+                end_admission(session, batch.tenant, limits)
         except IntegrityError:
             with self._session() as session:
                 known = session.get_one(IdempotencyRow, (batch.tenant, key))

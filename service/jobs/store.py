@@ -7,6 +7,7 @@ from sqlalchemy import String, func, select, type_coerce
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from service.contract.schemas import JobType, Status
+from service.jobs.admission import QueueLimits, begin_admission, end_admission
 from service.jobs.batches import BatchRecords
 from service.jobs.blob_records import BlobRecords
 from service.jobs.characteristics import CharacteristicsRecords
@@ -38,17 +39,21 @@ class JobStore(
 ):
     """All tables of jobs of one database. Safe to share between threads; rows are detached copies."""
 
-    def add(self, row: JobRow) -> None:
+    def add(self, row: JobRow, limits: QueueLimits | None = None) -> None:
         """Store a new job as accepted. From here on it cannot be lost: the dispatcher and the reaper queue
-        it.
+        it. Raises as QueueLimits.check.
         """
         row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
         with self._session.begin() as session:
+            begin_admission(session)
             row.rank = next_rank(session, row.tenant)
             session.add(row)
+            end_admission(session, row.tenant, limits)
 
-    def add_once(self, row: JobRow, key: str, request_sha256: str) -> JobRow | None:
-        """Store a new job and the client's idempotency key in one transaction.
+    def add_once(
+        self, row: JobRow, key: str, request_sha256: str, limits: QueueLimits | None = None
+    ) -> JobRow | None:
+        """Store a new job and the client's idempotency key in one transaction. Raises as QueueLimits.check.
 
         Returns the existing job if the key belongs to one that is not removed; None if the key belongs to
         another request.
@@ -63,10 +68,12 @@ class JobStore(
         row.status, row.created_ms = Status.ACCEPTED, self._clock_ms()
         try:
             with self._session.begin() as session:
+                begin_admission(session)
                 session.add(key_row)
                 session.flush()  # the key first: of two requests at once the second fails here
                 row.rank = next_rank(session, row.tenant)
                 session.add(row)
+                end_admission(session, row.tenant, limits)
         except IntegrityError:
             return self._known(row, key, request_sha256)
         return row
