@@ -16,9 +16,9 @@ _VERSION_FLAG = 1
 _RULE_PATH_BENEATH = 1
 
 EXECUTE, WRITE_FILE, READ_FILE, READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
-REMOVE_DIR, REMOVE_FILE, MAKE_DIR, MAKE_REG = 1 << 4, 1 << 5, 1 << 7, 1 << 8
+REMOVE_FILE, MAKE_DIR, MAKE_REG = 1 << 5, 1 << 7, 1 << 8
 MAKE_FIFO, MAKE_SYM = 1 << 10, 1 << 12
-REFER, TRUNCATE, IOCTL_DEV = 1 << 13, 1 << 14, 1 << 15
+TRUNCATE, IOCTL_DEV = 1 << 14, 1 << 15
 #: Access rights to files that each version of Landlock knows, by version.
 _KNOWN = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
 _OF_FILES = EXECUTE | WRITE_FILE | READ_FILE | TRUNCATE | IOCTL_DEV
@@ -28,19 +28,10 @@ _SCOPES = (6, 0b11)  # from version 6: abstract sockets and signals stay within 
 READ = READ_FILE | READ_DIR
 RUN = READ | EXECUTE
 DEVICE = READ_FILE | WRITE_FILE
-#: Of a job in its own folder. No sockets and devices are made there.
-OWN = (
-    READ
-    | WRITE_FILE
-    | TRUNCATE
-    | REMOVE_DIR
-    | REMOVE_FILE
-    | MAKE_DIR
-    | MAKE_REG
-    | MAKE_FIFO
-    | MAKE_SYM
-    | REFER
-)
+#: Of a job in its own folder. No sockets and devices are made there. Folders stay where they are (no right
+#: to remove one, which a rename needs too), and nothing moves from one to another (REFER): the size of what
+#: is in folders that move all the time cannot be told.
+OWN = READ | WRITE_FILE | TRUNCATE | REMOVE_FILE | MAKE_DIR | MAKE_REG | MAKE_FIFO | MAKE_SYM
 
 
 class _Ruleset(ctypes.Structure):

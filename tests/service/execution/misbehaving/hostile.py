@@ -153,6 +153,12 @@ def write_deep_files() -> None:
     write_files()
 
 
+def move_a_folder() -> None:
+    """Who lists folders that move all the time misses what is in them."""
+    os.mkdir("moves")  # noqa: PTH102
+    os.rename("moves", "moved")  # noqa: PTH104
+
+
 def write_into_a_locked_folder() -> None:
     """Files can be made there, but not listed."""
     os.mkdir("locked", 0o300)  # noqa: PTH102 (its mode)
@@ -204,6 +210,7 @@ ATTEMPTS = {
     "become another user": lambda task: os.setuid(12345),
     "enter a namespace of its own": lambda task: checked(LIBC.unshare(0x10000000)),
     "mount a file system": lambda task: checked(LIBC.mount(b"none", b".", b"tmpfs", 0, None)),
+    "move a folder": lambda task: move_a_folder(),
     "change the mode of a blob": lambda task: set_mode(task["blob"]),
     "change the times of a blob": lambda task: os.utime(task["blob"], (0, 0)),
     "have a table of open files for one thread": lambda task: checked(LIBC.syscall(436, 900, 901, 2)),
