@@ -77,7 +77,7 @@ def dented(part: Mesh) -> Mesh:
     return Mesh(part.vertices - 3.0 * near[:, None] * part.vertex_normals(), part.faces)
 
 
-@pytest.mark.parametrize("kind", ["mirrored", "inches"])
+@pytest.mark.parametrize("kind", ["mirrored", pytest.param("inches", marks=pytest.mark.nightly)])
 def test_neither_mirrored_nor_in_another_unit_where_material_is_missing_too(
     tmp_path: Path, kind: str
 ) -> None:

@@ -87,7 +87,7 @@ def test_inward_normals(design: Path, tmp_path: Path) -> None:
 
 def test_a_scan_of_the_inside(tmp_path: Path) -> None:
     """A hollow part, of which only the wall inside was scanned: the place is inside, or it cannot be told."""
-    outer, inner = shapes.bumpy_blob(4), shapes.bumpy_blob(4)
+    outer, inner = shapes.bumpy_blob(3), shapes.bumpy_blob(3)
     small = Mesh(inner.vertices * 0.85, inner.faces[:, ::-1])
     hollow = Mesh(
         np.concatenate([outer.vertices, small.vertices]),
