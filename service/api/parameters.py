@@ -4,13 +4,10 @@ from typing import Annotated, Any
 
 from fastapi import Header, Path, Query
 
-from service.contract.model_base import VISIBLE_ASCII
+from service.contract.model_base import CURSOR, VISIBLE_ASCII
 
 JobId = Annotated[str, Path(description="`id` of the job", examples=["01a2019a-6685-7220-8c73-80d9802cf568"])]
-
-UUID = r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}"  # as `id`s are written
-#: Where a list goes on. Another text would be compared with the ids as a word: a wrong page.
-Cursor = Annotated[str | None, Query(pattern=f"^{UUID}$", description="`next` of the previous page")]
+Cursor = Annotated[str | None, Query(pattern=CURSOR, description="`next` of the previous page")]
 
 
 def idempotency_header(effect: str) -> Any:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from service.contract.model_base import BLOB_ID, NO_NUL, SHA256, VISIBLE_ASCII
+from service.contract.model_base import BLOB_ID, CURSOR, MESSAGE_CURSOR, NO_NUL, SHA256, VISIBLE_ASCII
 from service.contract.problem import ProblemItem
 
 MAX_DETAIL = 300  # characters
@@ -19,6 +19,8 @@ MAX_SHOWN = 60  # of a wrong value
 PATTERNS = {
     BLOB_ID: "must be `sha256:` and 64 hex digits, as PUT /v1/blobs answers",
     SHA256: "must be 64 hex digits, 0 to 9 and a to f",
+    CURSOR: "must be `next` of the page before, as the list gave it",
+    MESSAGE_CURSOR: "must be the `id` of the last message of the page before",
     NO_NUL: "must not contain the character NUL",
     VISIBLE_ASCII: "must be ASCII without spaces",
 }

@@ -6,8 +6,8 @@ from fastapi import APIRouter, Query
 
 from service.api.dependencies import UseApi
 from service.api.identity import Reads
-from service.api.parameters import UUID
 from service.api.problems import problems
+from service.contract.model_base import MESSAGE_CURSOR
 from service.contract.schemas import DeliveryList, DeliveryState
 from service.webhooks.outbox import delivery_list
 
@@ -23,7 +23,7 @@ def list_deliveries(
     ] = DeliveryState.GIVEN_UP,
     limit: Annotated[int, Query(ge=1, le=1000, description="messages on a page")] = 50,
     cursor: Annotated[
-        str | None, Query(pattern=f"^msg_{UUID}$", description="`id` of the last message of the page")
+        str | None, Query(pattern=MESSAGE_CURSOR, description="`id` of the last message of the page")
     ] = None,
 ) -> DeliveryList:
     """List messages to webhooks, newest first: by default those that no receiver accepted."""

@@ -65,7 +65,7 @@ def test_words_for_a_query_are_only_words(service: Service, words: str) -> None:
     assert service.http.get("/v1/jobs", params={"label": words}).json()["jobs"] == []
     for path in ("/v1/jobs", "/v1/batches", "/v1/deliveries"):  # not taken for a place between the ids
         answer = service.http.get(path, params={"cursor": words})
-        assert answer.status_code == 422 and "cursor" in answer.json()["detail"]
+        assert answer.status_code == 422 and "cursor: must be" in answer.json()["detail"]
     assert len(service.http.get("/v1/jobs").json()["jobs"]) == 1
     job_id = service.submitted(json.dumps({"label": words}))
     (found,) = service.http.get("/v1/jobs", params={"label": words}).json()["jobs"]
