@@ -38,7 +38,7 @@ inline std::array<double, 6> solve(std::array<std::array<double, 6>, 6> A, std::
 // lead far off the target: while it moves the points by more than `reach`, the damping grows (Levenberg). The
 // directions that the pairs do hold keep their share of the step. Sums run in the order of the pairs.
 inline Motion plane_step(const std::vector<Correspondence>& pairs, double damping, double reach) {
-    constexpr double kTiny = 1e-300, kGrowth = 10, kMaxDamping = 1;
+    constexpr double kTiny = 1e-300, kGrowth = 10, kLeastGrown = 1e-12, kMaxDamping = 1;
     double total = 0;
     Vec centre{};
     for (const auto& each : pairs) {
@@ -87,8 +87,9 @@ inline Motion plane_step(const std::vector<Correspondence>& pairs, double dampin
         }
         return std::sqrt(std::max(0.0, turned) / (scale * scale * std::max(total, kTiny)) + shifted);
     };
-    while (length() > reach && damping < kMaxDamping) {
-        damping *= kGrowth;
+    for (double grown = std::max(damping, kLeastGrown); length() > reach && grown < kMaxDamping;) {
+        grown *= kGrowth;
+        damping = grown;
         x = damped();
     }
     for (int i = 0; i < 3; ++i) x[i] /= scale;

@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.core.mesh import FloatArray
 from pipeline.kernels import icp, rigid, sampling
+from pipeline.kernels.native import core
 from pipeline.kernels.surface import Surface
 from tests.support import shapes
 
@@ -158,3 +159,21 @@ def test_a_motion_that_only_noise_holds_leads_no_step_off_the_target(tilt: float
     # what the plane does hold is found in that one step: the height, as well as noise allows
     assert abs(rigid.transformed(T, source)[:, 2].mean()) < 5 * 0.2 / np.sqrt(150)
     assert np.sqrt(cost_mm2) < 1.2 * 0.2
+
+
+@pytest.mark.parametrize("damping", [0.0, -1e-9, np.inf])
+def test_no_damping_that_is_given_keeps_a_step_for_ever(damping: float) -> None:
+    """Found by fuzzing: nothing times zero grows. Its step is longer than the correspondences reach."""
+    points, normals = tilted_plane(1e-5)
+    rng = np.random.default_rng(5)
+    source = np.column_stack([rng.uniform(-15, 15, (150, 2)), rng.normal(0, 0.2, 150)])
+    up = np.tile([0.0, 0.0, 1.0], (150, 1))
+    T, _ = core.SampleTarget(points, normals).refine(
+        *(source, up, np.eye(4)[None], np.ones(1)),
+        max_distance=MAX_MM,
+        min_agreement=icp.MIN_AGREEMENT,
+        damping=damping,
+        iterations=2,
+        threads=1,
+    )
+    assert T.shape == (1, 4, 4)
